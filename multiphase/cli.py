@@ -1,0 +1,299 @@
+"""The command line. Exit status: 0 done; 1 compare exceeded; 2 bad usage, scene or parameters; 3 the run could not go on;
+130 Ctrl-C, 143 SIGTERM."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import signal
+import sys
+import textwrap
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from multiphase import __version__
+from multiphase.errors import ParameterError, SolverError
+
+DONE, EXCEEDED, BAD, FAILED, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 130, 143
+
+
+class _Parser(argparse.ArgumentParser):
+    """Errors as one paragraph on standard error, exit 2."""
+
+    def error(self, message: str) -> NoReturn:
+        sys.stderr.write(f"multiphase: {message}. `{self.prog} --help` lists the options.\n")
+        sys.exit(BAD)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status."""
+    options = _parser().parse_args(arguments)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
+    log = logging.getLogger("multiphase")
+    log.handlers = [handler]
+    log.setLevel(logging.INFO if getattr(options, "verbose", False) else logging.WARNING)
+    command: Callable[[argparse.Namespace], int] = options.command
+    try:
+        return command(options)
+    except ParameterError as error:
+        return _report(error, BAD, options)
+    except SolverError as error:
+        return _report(error, FAILED, options)
+    except KeyboardInterrupt:
+        return _report("interrupted.", INTERRUPTED, options)
+    except BrokenPipeError:
+        sys.stderr.close()
+        return DONE
+    except (OSError, MemoryError) as error:
+        return _report(f"{type(error).__name__}: {error}", FAILED, options)
+
+
+def _report(error: object, status: int, options: argparse.Namespace) -> int:
+    """One paragraph on standard error."""
+    if options.debug and isinstance(error, BaseException):
+        traceback.print_exception(error)
+    sys.stderr.write(f"multiphase: {error}\n")
+    return status
+
+
+# -- commands ---------------------------------------------------------------------------------------------------------
+
+
+def _scenes(options: argparse.Namespace) -> int:
+    from multiphase.scene import shipped_scenes
+
+    shipped = shipped_scenes()
+    if options.name is None:
+        if options.copy:
+            raise ParameterError("--copy", "name the scene to copy: multiphase scenes NAME --copy FILE.")
+        width = max(len(name) for name in shipped)
+        for name, scene in shipped.items():
+            print(f"{name:<{width}}  {scene.title}")
+        return DONE
+    if options.name not in shipped:
+        from multiphase.parameters import nearest
+
+        raise ParameterError(options.name, f"no scene of this name ships{nearest(options.name, shipped)}. They are {', '.join(shipped)}.")
+    text = shipped[options.name].text
+    if options.copy is None:
+        print(text, end="")
+        return DONE
+    target = Path(options.copy)
+    if target.exists():
+        raise ParameterError("--copy", f"{target} exists already; take another name.")
+    target.write_text(text, encoding="utf-8")
+    print(f"{target} written. Edit it, then: multiphase run {target}")
+    return DONE
+
+
+def _run(options: argparse.Namespace) -> int:
+    from multiphase.run import Existing, Terminated, run, stats_line
+    from multiphase.scene import load_scene
+    from multiphase.trackers import Progress
+
+    scene = load_scene(options.scene, options.set)
+    file = Path(options.output or scene.output.file or f"{scene.name}.h5")
+    _check_suffix(file, (".h5", ".hdf5"), "-o")
+
+    def terminate(*_: object) -> NoReturn:
+        raise Terminated
+
+    signal.signal(signal.SIGTERM, terminate)
+    time_unit = scene.scales.factor({"time": 1}) if scene.scales else (1.0, "-")
+
+    def words(t: float) -> str:
+        return f"{t * time_unit[0]:.4g}" + (f" {time_unit[1]}" if time_unit[1] != "-" else "")
+
+    if not options.quiet:
+        plan = scene.model.plan(scene)
+        print(f"{scene.title}\n{plan.solver}, {plan.geometry}, to t = {words(scene.time.end)}", flush=True)
+    progress = False if options.quiet else Progress(describe=words)
+    existing: Existing = "resume" if options.resume else "replace" if options.force else "refuse"
+    again = f"multiphase run {options.scene}{''.join(f' --set {item!r}' for item in options.set)} -o {file} --resume"
+    untouched = file.stat().st_mtime_ns if file.exists() else None
+    try:
+        result = run(scene, file=file, existing=existing, progress=progress, threads=options.threads)
+    except (KeyboardInterrupt, Terminated) as stop:
+        sys.stderr.write(f"multiphase: interrupted; everything up to the last good step is in {file}. To go on: {again}\n")
+        return INTERRUPTED if isinstance(stop, KeyboardInterrupt) else TERMINATED
+    except SolverError as error:
+        if options.debug:
+            traceback.print_exception(error)
+        sys.stderr.write(f"multiphase: {error} To go on after a change of solver settings or space: {again}\n")
+        return FAILED
+    if untouched is not None and file.stat().st_mtime_ns == untouched:
+        print(f"{file} is complete already; nothing was changed.")
+        return DONE
+    if not options.quiet:
+        rows = [("ended", f"{result.status}: {result.message}"), *scene.model.summary(result), ("cost", stats_line(result))]
+        rows += [("file", str(file)), ("next", f"multiphase plot {file}      multiphase animate {file} -o {file.stem}.gif")]
+        _print_rows(rows)
+    return DONE
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from multiphase.scene import load_scene
+
+    scene = load_scene(options.scene, options.set)
+    plan = scene.model.plan(scene)
+    print(plan.to_json() if options.json else f"{scene.title}\n{plan.describe()}")
+    return DONE
+
+
+def _info(options: argparse.Namespace) -> int:
+    from multiphase.model import find_model
+    from multiphase.result import load
+    from multiphase.run import plan_of, stats_line
+
+    result = load(options.file)
+    model = find_model(result.model)
+    if options.json:
+        last = {name: (float(values[-1]) if len(values) else None) for name, values in result.scalars.items()}
+        data = {
+            "model": result.model, "status": result.status, "message": result.message, "created": result.created, "times": len(result.t),
+            "t": float(result.t[-1]) if len(result.t) else None, "fields": list(result.fields), "scalars": last, "stats": result.stats,
+            "versions": result.versions, "platform": result.platform, "threads": result.threads, "plan": plan_of(result),
+        }  # fmt: skip
+        print(json.dumps(data, indent=1, ensure_ascii=False))
+        return DONE
+    cells = "" if result.x is None else f", {result.x.shape[1]} cells"
+    rows = [("model", model.title), ("ended", f"{result.status}: {result.message}"), *model.summary(result)]
+    rows += [("stored", f"{len(result.t)} times{cells}; fields {', '.join(result.fields)}"), ("cost", stats_line(result))]
+    rows += [("created", f"{result.created} on {result.platform}")]
+    rows += [("versions", ", ".join(f"{name} {version}" for name, version in result.versions.items()))]
+    _print_rows(rows)
+    return DONE
+
+
+def _plot(options: argparse.Namespace) -> int:
+    from multiphase.plotting import save_figure
+    from multiphase.result import load
+
+    source = Path(options.file)
+    target = Path(options.output) if options.output else source.with_suffix(".png")
+    _check_suffix(target, (".png", ".pdf", ".svg"), "-o")
+    save_figure(load(source), target)
+    print(f"{target} written")
+    return DONE
+
+
+def _animate(options: argparse.Namespace) -> int:
+    from multiphase.plotting import animate
+    from multiphase.result import load
+
+    target = Path(options.output)
+    _check_suffix(target, (".gif", ".mp4"), "-o")
+    animate(load(options.file), target)
+    print(f"{target} written")
+    return DONE
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from multiphase.compare import compare
+    from multiphase.result import load
+
+    comparison = compare(load(options.a), load(options.b))
+    print(comparison.to_json() if options.json else comparison.table())
+    return EXCEEDED if options.tol is not None and comparison.exceeds(options.tol) else DONE
+
+
+def _export(options: argparse.Namespace) -> int:
+    from multiphase.export import export
+    from multiphase.result import load
+
+    for path in export(load(options.file), Path(options.output), units=not options.dimensionless):
+        print(f"{path} written")
+    return DONE
+
+
+def _check_suffix(path: Path, allowed: Sequence[str], flag: str) -> None:
+    if path.suffix.lower() not in allowed:
+        raise ParameterError(flag, f"{path} should end in {' or '.join(allowed)}.")
+
+
+def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
+    """A table of two columns, wrapped to 110 characters."""
+    width = max(len(label) for label, _ in rows)
+    for label, text in rows:
+        lines = textwrap.wrap(text, 108 - width, break_long_words=False, break_on_hyphens=False) or [""]
+        print(f"{label:<{width}}  " + f"\n{'':<{width}}  ".join(lines))
+
+
+# -- options ----------------------------------------------------------------------------------------------------------
+
+
+def _positive_integer(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a positive whole number")
+    return value
+
+
+def _tolerance(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a number of 0 or more")
+    return value
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="multiphase", description="Multiphase models of tissue on moving domains.")
+    parser.add_argument("--version", action="version", version=f"multiphase-tissue {__version__}")
+    parser.set_defaults(debug=False)
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=_Parser)
+
+    def add(name: str, function: Callable[[argparse.Namespace], int], text: str, **arguments: dict[str, Any]) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=text, description=text)
+        for argument, settings in arguments.items():
+            command.add_argument(argument, **settings)
+        command.add_argument("--debug", action="store_true", help="show the traceback of an error")
+        command.set_defaults(command=function)
+        return command
+
+    def takes_scene(command: argparse.ArgumentParser) -> None:
+        command.add_argument("scene", metavar="SCENE", help="a scene file, or the name of a shipped scene")
+        command.add_argument(
+            "--set", action="append", default=[], metavar="TABLE.KEY=VALUE", help="change one value of the scene (repeatable)"
+        )
+
+    json_flag: dict[str, Any] = {"action": "store_true", "help": "print JSON"}
+    scenes = add("scenes", _scenes, "list the scenes that ship, show one, or copy one to edit")
+    scenes.add_argument("name", metavar="NAME", nargs="?")
+    scenes.add_argument("--copy", metavar="FILE")
+
+    run = add("run", _run, "run a scene")
+    takes_scene(run)
+    run.add_argument("-o", "--output", metavar="FILE.h5", help="result file (SCENE.h5)")
+    group = run.add_mutually_exclusive_group()
+    group.add_argument("--resume", action="store_true", help="go on with an existing result file")
+    group.add_argument("--force", action="store_true", help="replace an existing result file")
+    run.add_argument("--quiet", action="store_true", help="print nothing but warnings and errors")
+    run.add_argument("-v", "--verbose", action="store_true", help="log more")
+    run.add_argument("--threads", type=_positive_integer, default=1, metavar="N", help="threads of the linear algebra (1)")
+
+    plan = add("plan", _plan, "which equations, unknowns and solver a scene gets, and why")
+    takes_scene(plan)
+    plan.add_argument("--json", **json_flag)
+
+    result: dict[str, Any] = {"metavar": "RESULT.h5"}
+    info = add("info", _info, "what is in a result file, how it ended, what it cost", file=result)
+    info.add_argument("--json", **json_flag)
+    plot = add("plot", _plot, "draw the standard figure", file=result)
+    plot.add_argument("-o", "--output", metavar="FIGURE", help=".png, .pdf or .svg (RESULT.png)")
+    film = add("animate", _animate, "make a film", file=result)
+    film.add_argument("-o", "--output", metavar="FILM", required=True, help=".gif or .mp4")
+    compare = add("compare", _compare, "differences of two results on their common times and positions", a=result, b=result)
+    compare.add_argument("--tol", type=_tolerance, metavar="X", help="exit 1 when a difference relative to its scale exceeds X")
+    compare.add_argument("--json", **json_flag)
+    export = add("export", _export, "write a result in another format", file=result)
+    export.add_argument("-o", "--output", metavar="TABLE.csv", required=True)
+    export.add_argument("--dimensionless", action="store_true", help="leave the scene's scales aside")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,313 @@
+"""Differences between two results, quantity by quantity, at their common times and positions."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from multiphase.errors import ParameterError
+from multiphase.result import Array, Result
+
+SAME_TIME = 1e-12
+"""Stored times are exact, so common ones differ by rounding of the user's own arithmetic (0.1 * 3) only; relative."""
+
+SAME_POSITION = 1e-9
+"""Cells of two runs count as equal in relative position within this: far above rounding (1e-16), far below any cell."""
+
+SMALLEST_SCALE = 1e-10
+"""A quantity smaller than this throughout is zero but for rounding (about 1e-16), so its differences are not divided by its own size."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """How far one quantity differs.
+
+    Attributes
+    ----------
+    name : str
+    kind : {"scalar", "field"}
+    max_abs : float
+        Largest absolute difference; infinite where one result has a number and the other has none (NaN).
+    scale : float
+        Largest absolute value of the quantity in both results at the common times.
+    relative_to_scale : float
+        `max_abs` over `scale` (or over `SMALLEST_SCALE`, whichever is larger).
+    time : float
+        Where in time `max_abs` occurs.
+    max_relative : float or None
+        Scalars: largest difference relative to the value at that time.
+    l1 : float or None
+        Fields: mean absolute difference over the cells, the largest over the times.
+    xi : float or None
+        Fields: where `max_abs` occurs, relative to the current width (0 to 1).
+    """
+
+    name: str
+    kind: str
+    max_abs: float
+    scale: float
+    relative_to_scale: float
+    time: float
+    max_relative: float | None = None
+    l1: float | None = None
+    xi: float | None = None
+
+    @property
+    def physical(self) -> bool:
+        """False for balance defects (``defect_*``), which are rounding by nature."""
+        return not self.name.startswith("defect_")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """What :func:`compare` found.
+
+    Attributes
+    ----------
+    differences : tuple of Difference
+        One for each quantity that both results have.
+    times : tuple of float
+        The common times.
+    cells : int or None
+        Number of positions at which fields were compared.
+    only_a, only_b : tuple of str
+        Quantities that only one of the results has.
+    identical : bool
+        Every stored dataset, the checkpoint included, is the same bit for bit.
+    """
+
+    differences: tuple[Difference, ...]
+    times: tuple[float, ...]
+    cells: int | None
+    only_a: tuple[str, ...]
+    only_b: tuple[str, ...]
+    identical: bool
+
+    @property
+    def largest(self) -> Difference:
+        """The physical quantity that differs most, relative to its scale."""
+        return max((entry for entry in self.differences if entry.physical), key=lambda entry: entry.relative_to_scale)
+
+    @property
+    def worst(self) -> float:
+        """Largest difference of all physical quantities (balance defects left out), relative to their scales."""
+        return self.largest.relative_to_scale
+
+    def exceeds(self, tol: float) -> bool:
+        """Whether any physical quantity differs by more than `tol`, relative to its scale."""
+        return not self.worst <= tol
+
+    def table(self) -> str:
+        """The comparison as a user reads it."""
+        at = "" if self.cells is None else f" and {self.cells} positions"
+        lines = [f"compared at {len(self.times)} common times, {self.times[0]:g} to {self.times[-1]:g}{at}"]
+        if self.identical:
+            lines.append("identical bit for bit")
+        lines += [f"only in {side}: {', '.join(names)}" for side, names in (("A", self.only_a), ("B", self.only_b)) if names]
+        width = max(10, *(len(entry.name) for entry in self.differences))
+        lines.append("")
+        titles = ("max |A-B|", "of scale", "max rel.", "L1", "at t", "at x/width")
+        lines.append(f"{'quantity':<{width}}" + "".join(f"{title:>12}" for title in titles))
+        for entry in self.differences:
+            values = (entry.max_abs, entry.relative_to_scale, entry.max_relative, entry.l1)
+            columns = ["" if value is None else f"{value:.3e}" for value in values]
+            columns += [f"{entry.time:.6g}", "" if entry.xi is None else f"{entry.xi:.4f}"]
+            lines.append(f"{entry.name:<{width}}" + "".join(f"{column:>12}" for column in columns).rstrip())
+        lines += ["", f"worst: {self.largest.name}, {self.worst:.3e} of its scale (balance defects not counted)"]
+        return "\n".join(lines)
+
+    def to_json(self) -> str:
+        """The comparison as JSON; an infinite difference is the text "inf"."""
+
+        def plain(value: object) -> object:
+            return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+        data = {
+            "identical": self.identical,
+            "worst": plain(self.worst),
+            "worst_quantity": self.largest.name,
+            "times": list(self.times),
+            "cells": self.cells,
+            "only_a": list(self.only_a),
+            "only_b": list(self.only_b),
+            "differences": [{key: plain(value) for key, value in asdict(entry).items()} for entry in self.differences],
+        }
+        return json.dumps(data, indent=1, ensure_ascii=False)
+
+
+def compare(a: Result, b: Result) -> Comparison:
+    """Differences of `b` from `a` at common times, and at common relative positions ``x / width``.
+
+    Where the results have different cells, the finer is interpolated linearly to the cell centres of the coarser.
+
+    Raises
+    ------
+    ParameterError
+        When the results are of different models or in different units, or have no common time beyond the start,
+        or no common quantity.
+    """
+    _check_comparable(a, b)
+    identical = _identical(a, b)
+    rows_a, rows_b = _common_times(a.t, b.t)
+    if not len(rows_a) or not (identical or np.any(a.t[rows_a] > 0)):
+        raise ParameterError(
+            "",
+            f"the results have no common time beyond the start: {_span(a)} against {_span(b)}. "
+            "Run both with the same time.save_at, or with the same time.end.",
+        )
+    times = a.t[rows_a]
+    differences = [_scalar(name, times, a.scalars[name][rows_a], b.scalars[name][rows_b]) for name in a.scalars if name in b.scalars]
+    positions = _Positions(a, b, rows_a, rows_b)
+    for name in a.fields:
+        if name in b.fields:
+            first, second = positions.bring_together(name, a.fields[name][rows_a], b.fields[name][rows_b])
+            differences.append(_field(name, times, positions.xi, first, second))
+    if not any(entry.physical for entry in differences):
+        raise ParameterError("", f"the results have no quantity in common: {_names(a)} against {_names(b)}.")
+    return Comparison(
+        differences=tuple(differences),
+        times=tuple(float(time) for time in times),
+        cells=None if positions.xi is None else positions.xi.shape[1],
+        only_a=_missing(a, b),
+        only_b=_missing(b, a),
+        identical=identical,
+    )
+
+
+def _check_comparable(a: Result, b: Result) -> None:
+    if a.model != b.model:
+        raise ParameterError("", f"the results are of different models, {a.model!r} and {b.model!r}. Compare two runs of one model.")
+    for name in ("t", "x", *a.scalars, *a.fields):
+        if name in b and a.unit(name) != b.unit(name):
+            raise ParameterError(
+                "", f"{name!r} is in {a.unit(name)!r} in one result and in {b.unit(name)!r} in the other. Compare them in the same units."
+            )
+
+
+def _missing(a: Result, b: Result) -> tuple[str, ...]:
+    """Names of scalars that `a` has and `b` has not, then of fields."""
+    return (*(name for name in a.scalars if name not in b.scalars), *(name for name in a.fields if name not in b.fields))
+
+
+def _names(result: Result) -> str:
+    return ", ".join((*result.scalars, *result.fields)) or "nothing"
+
+
+def _span(result: Result) -> str:
+    return f"{len(result.t)} times in [{result.t[0]:g}, {result.t[-1]:g}]" if len(result.t) else "no times"
+
+
+def _identical(a: Result, b: Result) -> bool:
+    def datasets(result: Result) -> dict[str, Array]:
+        grid = {} if result.x is None else {"grid/x": result.x}
+        groups = {"scalars": result.scalars, "fields": result.fields, "checkpoint": result.checkpoint}
+        return {"t": result.t, **grid, **{f"{group}/{name}": values for group, data in groups.items() for name, values in data.items()}}
+
+    def same(first: Array, second: Array) -> bool:
+        first, second = np.asarray(first), np.asarray(second)
+        return first.dtype == second.dtype and first.shape == second.shape and first.tobytes() == second.tobytes()
+
+    of_a, of_b = datasets(a), datasets(b)
+    return of_a.keys() == of_b.keys() and all(same(of_a[name], of_b[name]) for name in of_a)
+
+
+def _common_times(a: Array, b: Array) -> tuple[Array, Array]:
+    """Indices of the times that `a` and `b` (both ascending) have in common."""
+    if not len(a) or not len(b):
+        none = np.zeros(0, dtype=int)
+        return none, none
+    right = np.clip(np.searchsorted(b, a), 0, len(b) - 1)
+    left = np.maximum(right - 1, 0)
+    nearest = np.where(np.abs(b[left] - a) < np.abs(b[right] - a), left, right)
+    common = np.abs(b[nearest] - a) <= SAME_TIME * np.maximum(np.abs(a), np.abs(b[nearest]))
+    return np.flatnonzero(common), nearest[common]
+
+
+class _Positions:
+    """Brings fields of two results to the relative positions `xi` (times, cells) of the coarser one."""
+
+    def __init__(self, a: Result, b: Result, rows_a: Array, rows_b: Array) -> None:
+        xi_a, xi_b = _relative(a, rows_a), _relative(b, rows_b)
+        self.xi: Array | None = None
+        self.from_a: Array | None = None  # where a's values stand, when they are to be interpolated
+        self.from_b: Array | None = None
+        if xi_a is None or xi_b is None:
+            return
+        if xi_a.shape == xi_b.shape and np.allclose(xi_a, xi_b, rtol=0, atol=SAME_POSITION, equal_nan=True):
+            self.xi = xi_a
+        elif xi_a.shape[1] > xi_b.shape[1]:
+            self.xi, self.from_a = xi_b, xi_a
+        else:
+            self.xi, self.from_b = xi_a, xi_b
+
+    def bring_together(self, name: str, a: Array, b: Array) -> tuple[Array, Array]:
+        if self.xi is not None:
+            a = a if self.from_a is None else _interpolate(self.xi, self.from_a, a)
+            b = b if self.from_b is None else _interpolate(self.xi, self.from_b, b)
+        if a.shape != b.shape:
+            raise ParameterError(
+                "", f"the field {name!r} stands on different meshes, {a.shape[1:]} and {b.shape[1:]}: compare equal meshes."
+            )
+        return a, b
+
+
+def _relative(result: Result, rows: Array) -> Array | None:
+    width = result.width()
+    if result.x is None or width is None:
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):  # a failed run may hold a width of 0 or NaN
+        return np.asarray(result.x[rows] / width[rows, None])
+
+
+def _interpolate(xi: Array, known: Array, values: Array) -> Array:
+    return np.array([np.interp(*row) for row in zip(xi, known, values, strict=True)])
+
+
+def _distance(a: Array, b: Array) -> Array:
+    """|a - b|; 0 where both are the same (also both NaN or both infinite), infinite where only one is a number."""
+    same = (a == b) | (np.isnan(a) & np.isnan(b))
+    with np.errstate(invalid="ignore"):  # inf - inf, which `same` covers
+        distance = np.where(same, 0.0, np.abs(a - b))
+    return np.where(np.isnan(distance), np.inf, distance)
+
+
+def _scale(a: Array, b: Array) -> float:
+    values = np.abs(np.concatenate([np.ravel(a), np.ravel(b)]))
+    return float(np.max(values, initial=0.0, where=np.isfinite(values)))
+
+
+def _scalar(name: str, times: Array, a: Array, b: Array) -> Difference:
+    distance, scale = _distance(a, b), _scale(a, b)
+    row = int(np.argmax(distance))
+    size = np.fmax(np.abs(a), np.abs(b))
+    relative = np.zeros_like(distance)
+    np.divide(distance, size, out=relative, where=(distance > 0) & np.isfinite(size))
+    relative[np.isinf(distance)] = np.inf
+    return Difference(
+        name=name,
+        kind="scalar",
+        max_abs=float(distance[row]),
+        scale=scale,
+        relative_to_scale=float(distance[row]) / max(scale, SMALLEST_SCALE),
+        time=float(times[row]),
+        max_relative=float(np.max(relative)),
+    )
+
+
+def _field(name: str, times: Array, xi: Array | None, a: Array, b: Array) -> Difference:
+    distance, scale = _distance(a, b), _scale(a, b)
+    largest = float(np.max(distance))
+    row, cell = np.unravel_index(int(np.argmax(distance)), distance.shape)[:2]
+    return Difference(
+        name=name,
+        kind="field",
+        max_abs=largest,
+        scale=scale,
+        relative_to_scale=largest / max(scale, SMALLEST_SCALE),
+        time=float(times[row]),
+        l1=float(np.max(np.mean(distance, axis=tuple(range(1, distance.ndim))))),
+        xi=None if xi is None else float(xi[row, cell]),
+    )

@@ -1,0 +1,126 @@
+"""What a model tells the shared core about itself, and how it is found.
+
+A model is a plug-in: a package declares an entry point in the group ``multiphase.models`` whose value
+is a :class:`Model`. The core imports no model; it asks for one by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any
+
+from multiphase.errors import ParameterError
+
+if TYPE_CHECKING:
+    from multiphase.plan import Plan
+    from multiphase.result import Result
+    from multiphase.scene import Scene
+
+GROUP = "multiphase.models"
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One named output: its symbol for plots, its meaning, and how its unit follows from the scales.
+
+    `dimension` gives the exponents of the scene's scales, for instance ``{"length": 1, "time": -1}`` for
+    a velocity; empty for a fraction.
+    """
+
+    name: str
+    symbol: str
+    description: str
+    dimension: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """A named, sourced set of values for one model: tables as they would stand in a scene file."""
+
+    title: str
+    parameters: Mapping[str, Any]
+    initial: Mapping[str, Any]
+    scales: Mapping[str, Any] | None
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One panel of the standard figure: `kind` "scalar" (against time), "profile" (against position at
+    several times) or "spacetime" (colour over time and position), and the names it shows."""
+
+    kind: str
+    names: tuple[str, ...]
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A mathematical model as the core sees it.
+
+    Attributes
+    ----------
+    name, title : str
+    parameters, initial, geometry, solver : type
+        Frozen dataclasses made of `multiphase.parameters.parameter` fields: one scene table each.
+    presets : mapping of str to Preset
+    default_preset : str
+    quantities : mapping of str to Quantity
+        Every field and scalar the model can report.
+    panels : tuple of Panel
+        The standard figure.
+    film : str
+        The field the film colours.
+    scenes : str
+        Package that holds the shipped scene files (``*.toml``).
+    check : callable(scene)
+        Cross-field checks; raises ParameterError before any work starts.
+    plan : callable(scene) -> Plan
+    scheme : callable(scene, plan, **options) -> multiphase.stepping.Scheme
+    summary : callable(result) -> list of (label, text)
+        What a scientist wants to know at the end of a run.
+    ends : (str, str)
+        What lies at the inner and outer end of a 1D domain, for the film; empty to say nothing.
+    """
+
+    name: str
+    title: str
+    parameters: type
+    initial: type
+    geometry: type
+    solver: type
+    presets: Mapping[str, Preset]
+    default_preset: str
+    quantities: Mapping[str, Quantity]
+    panels: tuple[Panel, ...]
+    film: str
+    scenes: str
+    check: Callable[[Scene], None]
+    plan: Callable[[Scene], Plan]
+    scheme: Callable[..., Any]
+    summary: Callable[[Result], list[tuple[str, str]]]
+    ends: tuple[str, str] = ("", "")
+
+
+@cache
+def model_names() -> tuple[str, ...]:
+    """Names of the installed models, sorted."""
+    return tuple(sorted({point.name for point in entry_points(group=GROUP)}))
+
+
+@cache
+def find_model(name: str) -> Model:
+    """The installed model called `name`; raises ParameterError that names the nearest one."""
+    for point in entry_points(group=GROUP):
+        if point.name == name:
+            loaded = point.load()
+            assert isinstance(loaded, Model)
+            return loaded
+    from multiphase.parameters import nearest
+
+    raise ParameterError(
+        "scene.model", f"there is no model {name!r}{nearest(name, model_names())}. Installed: {', '.join(model_names()) or 'none'}."
+    )

@@ -1,0 +1,252 @@
+"""From a checked scene to a result: build, resume, integrate, record, and say how it ended."""
+
+from __future__ import annotations
+
+import errno
+import importlib.metadata
+import json
+import logging
+import platform
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from multiphase import storage
+from multiphase.errors import ParameterError, SolverError
+from multiphase.model import Model
+from multiphase.parameters import Scales
+from multiphase.plan import Plan
+from multiphase.result import Result
+from multiphase.scene import OutputTable, Scene, TimeTable, differences, parse_scene
+from multiphase.stepping import Control, State, StopRun, Tracker, integrate, start
+from multiphase.trackers import Balances, Progress, Recorder
+
+logger = logging.getLogger("multiphase")
+
+PACKAGES = ("multiphase-tissue", "numpy", "scipy", "fipy", "h5py")
+
+Existing = Literal["refuse", "resume", "replace"]
+
+
+class Terminated(BaseException):
+    """Raised in the main thread on SIGTERM, so that a run ends as it does on Ctrl-C."""
+
+
+def run(
+    scene: Scene,
+    *,
+    file: str | Path | None = None,
+    existing: Existing = "refuse",
+    progress: bool | Tracker = False,
+    trackers: Sequence[Tracker] = (),
+    threads: int = 1,
+    raise_on_failure: bool = True,
+    options: Mapping[str, Any] | None = None,
+) -> Result:
+    """Run `scene` and return its result, written to `file` as it grows.
+
+    Parameters
+    ----------
+    scene : Scene
+    file : path, optional
+        HDF5 file, whole at every moment. Without it the result is only returned.
+    existing : {"refuse", "resume", "replace"}
+        What to do when `file` exists. "resume" goes on from its last state if the scene is the same but for a later end.
+    progress : bool or Tracker
+    trackers : sequence of Tracker
+        Further trackers, called in this order.
+    threads : int
+        Threads of the linear algebra; one is fastest for one-dimensional models.
+    raise_on_failure : bool
+        Raise SolverError when the run cannot go on (the default); otherwise return the result with status "failed".
+    options : mapping, optional
+        Passed to the model's scheme, for instance `extra_terms`.
+
+    Returns
+    -------
+    Result
+        With status "completed", "stopped" (by a tracker) or "failed".
+
+    Raises
+    ------
+    ParameterError
+        An existing file, or one that does not fit the scene.
+    SolverError
+        The run could not go on; everything up to the last good step is in the file and in the error's `result`.
+    """
+    path = Path(file) if file is not None else None
+    result = _prepare(scene, path, existing)
+    if result.status == "completed" and result.t.size and result.t[-1] >= scene.time.end:
+        return result
+    plan = scene.model.plan(scene)
+    for warning in plan.warnings:
+        logger.warning("%s", warning)
+    before = float(result.stats.get("wall_s", 0.0))
+    started = time.perf_counter()
+    scheme = scene.model.scheme(scene, plan, **(options or {}))
+    state, remaining = _starting_state(scene, scheme, result)
+    recorder = Recorder(result, path, scene.output.fields)
+    recorder.state = state
+    _describe(result, scene, plan, scheme, threads)
+    hooks = [recorder, Balances(), *trackers]
+    if progress:
+        hooks.append(progress if isinstance(progress, Tracker) else Progress())
+
+    def finish(status: Literal["completed", "stopped", "failed"], message: str) -> Result:
+        done = recorder.collect()
+        done.status, done.message = status, message
+        done.stats = done.stats | {"wall_s": before + time.perf_counter() - started}
+        for hook in hooks:
+            hook.on_end(recorder.state or state, status, message)
+        recorder.write()
+        return done
+
+    again = f"multiphase run with --resume ({path})" if path is not None else "a run with a file, which can be resumed"
+    try:
+        with threadpool_limits(limits=threads):
+            state = integrate(scheme, state, remaining, _control(scene), hooks)
+        return finish("completed", f"reached the end, t = {state.t:.6g}")
+    except StopRun as stop:
+        at = recorder.state.t if recorder.state else 0.0
+        return finish("stopped", f"stopped at t = {at:.6g}: {stop}. To go on: {again}.")
+    except SolverError as error:
+        failed = finish("failed", f"{error} Everything up to t = {error.time:.6g} is kept.")
+        if not raise_on_failure:
+            return failed
+        error.result = failed
+        raise
+    except (KeyboardInterrupt, Terminated):
+        at = recorder.state.t if recorder.state else 0.0
+        finish("stopped", f"interrupted at t = {at:.6g}, after the last good step. To go on: {again}.")
+        raise
+    except OSError as error:
+        raise _disk_error(error, path, recorder) from error
+
+
+def _disk_error(error: OSError, path: Path | None, recorder: Recorder) -> SolverError:
+    full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT) if hasattr(errno, "EDQUOT") else error.errno == errno.ENOSPC
+    why = "the disk is full or the file may not grow" if full else str(error)
+    kept = "nothing had been saved yet"
+    if path is not None and path.exists():
+        saved = storage.read(path)
+        kept = f"what was saved up to t = {saved.t[-1]:.6g} is intact" if saved.t.size else "the file is intact"
+    at = recorder.state.t if recorder.state else float("nan")
+    return SolverError(
+        f"{path} could not be written at t = {at:.6g} ({why}); {kept}. Free some space, then go on with --resume.",
+        time=at,
+        history=[str(error)],
+        result=recorder.collect(),
+    )
+
+
+def _prepare(scene: Scene, path: Path | None, existing: Existing) -> Result:
+    """An empty result, or the stored one that this run goes on with."""
+    empty = Result(model=scene.model.name, t=np.empty(0))
+    if path is None:
+        if existing == "resume":
+            raise ParameterError("file", "resume needs the file of the run to go on with.")
+        return empty
+    if path.is_dir() or not path.parent.is_dir():
+        raise ParameterError(
+            "output.file", f"{path} cannot be written: {'it is a folder' if path.is_dir() else 'its folder does not exist'}."
+        )
+    if not path.exists() or existing == "replace":
+        return empty
+    if existing == "refuse":
+        raise ParameterError(
+            "output.file", f"{path} exists already. Take --resume to go on with it, --force to replace it, or -o for another name."
+        )
+    stored = storage.read(path)
+    old = parse_scene(stored.scene, name=scene.name)
+    changes = [line for line in differences(old, scene) if not (line.startswith("time.end") and scene.time.end >= old.time.end)]
+    if changes:
+        raise ParameterError(
+            "--resume", f"{path} was made by another scene: {'; '.join(changes)}. Run that scene, or take -o for another file, or --force."
+        )
+    return stored
+
+
+def _starting_state(scene: Scene, scheme: Any, result: Result) -> tuple[State, list[float]]:
+    """Where to start from, and the output times still to come."""
+    save_at = list(scene.time.save_at)
+    if not result.checkpoint:
+        return start(scheme, save_at[0], save_at[1], _control(scene)), save_at
+    state = State.from_arrays(result.checkpoint)
+    size = scheme.initial().size
+    if state.u.shape[1] != size:
+        raise ParameterError(
+            "--resume", f"the stored state has {state.u.shape[1]} values, this run {size}: was it made with other extra_terms?"
+        )
+    last = float(result.t[-1]) if result.t.size else -1.0
+    return state, [t for t in save_at if t > last and t >= state.t]
+
+
+def _control(scene: Scene) -> Control:
+    solver = scene.solver
+    return Control(order=2 if solver.time_scheme == "bdf2" else 1, dt=solver.dt, max_steps=solver.max_steps)
+
+
+def _describe(result: Result, scene: Scene, plan: Plan, scheme: Any, threads: int) -> None:
+    """Fill in everything about the run but its values."""
+    result.scene, result.scene_source, result.plan = scene.to_toml(), scene.source, plan.to_json()
+    result.status, result.message = "running", "the run had not ended when this was written; --resume goes on with it"
+    result.platform, result.threads = f"{platform.platform()}, {platform.machine()}", threads
+    result.created = result.created or datetime.now(UTC).isoformat(timespec="seconds")
+    result.versions = {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in PACKAGES}
+    result.stats = result.stats | {"solver": plan.solver, "threads": threads, "unknowns": plan.unknowns}
+    result.descriptions = {q.name: q.description for q in scene.model.quantities.values()} | getattr(scheme, "descriptions", {})
+
+
+def make_scene(
+    model: Model,
+    parameters: Any,
+    *,
+    initial: Any = None,
+    geometry: Any = None,
+    t_end: float,
+    save_at: Sequence[float] | None = None,
+    save_every: float | None = None,
+    solver: Mapping[str, Any] | None = None,
+    title: str = "",
+    scales: Scales | Mapping[str, Any] | None = None,
+    fields: Sequence[str] | None = None,
+) -> Scene:
+    """A scene from Python values, checked as a scene file is."""
+    if isinstance(geometry, str):
+        geometry = model.geometry(kind=geometry)
+    elif isinstance(geometry, Mapping):
+        geometry = model.geometry(**geometry)
+    return Scene(
+        name=model.name,
+        model=model,
+        title=title or model.title,
+        geometry=geometry if geometry is not None else model.geometry(),
+        parameters=parameters if parameters is not None else model.parameters(),
+        initial=initial if initial is not None else model.initial(),
+        time=TimeTable.make(t_end, save_at=save_at, save_every=save_every),
+        solver=replace(model.solver(), **(solver or {})),
+        output=OutputTable(fields=tuple(fields) if fields is not None else None),
+        scales=Scales.from_table(scales) if isinstance(scales, Mapping) else scales,
+    )
+
+
+def stats_line(result: Result) -> str:
+    """Cost of a run in one line."""
+    s = result.stats
+    rejected = s.get("rejected_error", 0) + s.get("rejected_solver", 0)
+    return (
+        f"{s.get('steps', 0)} steps ({rejected} rejected), {s.get('iterations', 0)} iterations, {s.get('wall_s', 0.0):.1f} s "
+        f"with {s.get('solver', '?')} on {result.threads} thread{'s' if result.threads != 1 else ''}"
+    )
+
+
+def plan_of(result: Result) -> dict[str, Any]:
+    """The stored plan as a mapping."""
+    loaded: dict[str, Any] = json.loads(result.plan) if result.plan else {}
+    return loaded

@@ -1,0 +1,181 @@
+"""What hangs on the time loop: recording and storage, progress, balances, stopping rules."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from multiphase import storage
+from multiphase.result import Result
+from multiphase.stepping import Snapshot, State, StopRun, Tracker
+
+logger = logging.getLogger("multiphase")
+
+WRITING_SHARE = 0.1
+"""Largest share of the run's time that goes into writing the file before its end."""
+
+
+class Recorder(Tracker):
+    """Keeps what is stored, and the last good state; writes the result file if there is one.
+
+    The whole file is replaced at each output time, unless the last writes took more than a tenth of the time since: a file
+    on disk is at every moment a whole one.
+
+    Parameters
+    ----------
+    result : Result
+        The result that grows; on a resumed run it holds what was stored.
+    file : Path or None
+    fields : tuple of str or None
+        Fields to keep; None keeps all.
+    """
+
+    def __init__(self, result: Result, file: Path | None, fields: Sequence[str] | None = None) -> None:
+        self.result, self.file, self.state = result, file, None if not result.checkpoint else State.from_arrays(result.checkpoint)
+        self._wanted = fields
+        self._rows: list[Snapshot] = []
+        self._written, self._cost = time.monotonic(), 0.0
+
+    def on_step(self, state: State) -> None:
+        self.state = state
+
+    def on_save(self, state: State, snapshot: Snapshot) -> None:
+        self.state = state
+        self._rows.append(snapshot)
+        if self.file is not None and (time.monotonic() - self._written) * WRITING_SHARE >= self._cost:
+            self.write()
+
+    def collect(self) -> Result:
+        """The result with every row so far and the last good state as its checkpoint."""
+        rows, self._rows = self._rows, []
+        result = self.result
+        if rows:
+            names = [name for name in rows[0].fields if self._wanted is None or name in self._wanted]
+
+            def joined(old: Any, new: list[Any]) -> Any:
+                return np.array(new) if old is None or len(result.t) == 0 else np.concatenate([old, np.array(new)])
+
+            scalars = {name: joined(result.scalars.get(name), [row.scalars[name] for row in rows]) for name in rows[0].scalars}
+            fields = {name: joined(result.fields.get(name), [row.fields[name] for row in rows]) for name in names}
+            x = joined(result.x, [row.x for row in rows])
+            result.t = joined(result.t, [row.t for row in rows])
+            result.scalars, result.fields, result.x = scalars, fields, x
+        if self.state is not None:
+            result.checkpoint = self.state.to_arrays()
+            result.stats = result.stats | self.state.counters
+        return result
+
+    def write(self) -> None:
+        """Replace the file by what there is now."""
+        if self.file is None:
+            return
+        started = time.monotonic()
+        storage.write(self.collect(), self.file)
+        self._written = time.monotonic()
+        self._cost = self._written - started
+
+
+class Progress(Tracker):
+    """A progress bar in a terminal; a line every tenth of the run elsewhere.
+
+    Parameters
+    ----------
+    stream : text stream, optional
+        Standard error by default.
+    describe : callable(t) -> str, optional
+        The time in words, for instance with its unit.
+    """
+
+    def __init__(self, stream: TextIO | None = None, describe: Callable[[float], str] = "{:.4g}".format) -> None:
+        self._stream = stream if stream is not None else sys.stderr
+        self._describe = describe
+        self._bar: Any = None
+        self._next = 0.1
+        self._end = 1.0
+
+    def on_start(self, state: State, t_end: float) -> None:
+        self._end = t_end
+        self._next = 0.1 * (1 + int(10.0 * state.t / t_end + 1e-9))
+        if self._stream.isatty():
+            from tqdm import tqdm
+
+            form = "{desc} {percentage:3.0f} % |{bar:30}| {elapsed}, {remaining} to go{postfix}"
+            self._bar = tqdm(total=t_end, initial=state.t, file=self._stream, bar_format=form, leave=False, desc="running")
+
+    def on_step(self, state: State) -> None:
+        if self._bar is not None:
+            self._bar.set_postfix_str(f"t = {self._describe(state.t)}, step {state.counters['steps']}", refresh=False)
+            self._bar.update(state.t - self._bar.n)
+        elif state.t >= self._next * self._end and state.t < self._end:
+            print(
+                f"{100.0 * state.t / self._end:3.0f} %  t = {self._describe(state.t)}, {state.counters['steps']} steps", file=self._stream
+            )
+            self._next = 0.1 * (1 + int(10.0 * state.t / self._end + 1e-9))
+
+    def on_end(self, state: State, status: str, message: str) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+class Balances(Tracker):
+    """Warns in the log when a balance defect (a scalar called defect_...) exceeds `limit`, once for each."""
+
+    def __init__(self, limit: float = 1e-9) -> None:
+        self.limit = limit
+        self._seen: set[str] = set()
+
+    def on_save(self, state: State, snapshot: Snapshot) -> None:
+        for name, value in snapshot.scalars.items():
+            if name.startswith("defect_") and name not in self._seen and not abs(value) <= self.limit:
+                self._seen.add(name)
+                logger.warning("%s = %.3g at t = %.6g: this balance should close to rounding", name, value, snapshot.t)
+
+
+class WallTime(Tracker):
+    """Stops the run in good order after `seconds` of wall time; it can be resumed."""
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        self._start = time.monotonic()
+
+    def on_start(self, state: State, t_end: float) -> None:
+        self._start = time.monotonic()
+
+    def on_step(self, state: State) -> None:
+        if time.monotonic() - self._start > self.seconds:
+            raise StopRun(f"the wall-time limit of {self.seconds:g} s was reached")
+
+
+class SteadyState(Tracker):
+    """Stops the run when nothing changes any more.
+
+    Every stored field and scalar, but the balance defects, must change by less than `tolerance` times its largest value per
+    unit of time, from one output time to the next.
+    """
+
+    def __init__(self, tolerance: float = 1e-6) -> None:
+        self.tolerance = tolerance
+        self._last: Snapshot | None = None
+
+    def on_save(self, state: State, snapshot: Snapshot) -> None:
+        last, self._last = self._last, snapshot
+        if last is None:
+            return
+        fastest = 0.0
+        now: dict[str, Any] = {**snapshot.fields, **snapshot.scalars}
+        then: dict[str, Any] = {**last.fields, **last.scalars}
+        for name, value in now.items():
+            if name.startswith("defect_"):
+                continue
+            before = then[name]
+            scale = float(np.max(np.abs(value)))
+            if scale > 0.0:
+                fastest = max(fastest, float(np.max(np.abs(value - before))) / scale / (snapshot.t - last.t))
+        if fastest < self.tolerance:
+            raise StopRun(f"a steady state was reached (largest relative rate {fastest:.2g} per unit of time)")

@@ -1,0 +1,253 @@
+r"""The door for users who extend the plaque: further FiPy terms, and further species.
+
+A script passes a function to ``simulate(..., solver="fipy", extra_terms=function)``. It is called once with an
+`Extension` and returns a mapping from the name of an equation to what is added to its right-hand side,
+
+    "n":       (L n)_t + ( n (u_n - xi V) )_xi            = k_m L l c  + added
+    "l":       (L l)_t + ( l (V - xi V) - l_xi / L )_xi   = -k_l L l c + added
+    "w":       the slip equation of `plaque1d.discretisation`, divided by h (on the faces)
+    a species: (L s)_t + ( s (V - xi V) - D s_xi / L )_xi = added
+
+as FiPy terms with `var=` set, FiPy variables, or sums of both. Per unit xi: a source per volume is multiplied by L.
+Terms may reach the neighbouring cells, as FiPy's convection and diffusion terms do, and no further.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from multiphase.errors import ParameterError
+from multiphase.geometry import MovingGrid
+from multiphase.parameters import nearest
+from plaque1d.discretisation import ldl_flux
+
+if TYPE_CHECKING:
+    from plaque1d.tangent import Layout, Triplets
+
+Array = NDArray[np.float64]
+ExtraTerms = Callable[["Extension"], Mapping[str, Any]]
+Profile = Callable[[Array], Array]
+
+RESERVED = ("n", "c", "l", "u_n", "u_m", "p_n", "L", "L_rate", "l_wall", "n_wall", "n_total", "c_total", "l_total", "t", "x", "w", "V")
+
+
+@dataclass(frozen=True)
+class Species:
+    """A further diffusing species, carried with the mixture as modLDL is. All dimensionless.
+
+    Attributes
+    ----------
+    variable : fipy.CellVariable
+    initial : callable of x, or float
+    diffusivity : float
+        In units of the diffusivity of modLDL.
+    influx : callable of t, or float
+        Through the endothelium.
+    """
+
+    variable: Any
+    initial: Profile | float
+    diffusivity: float
+    influx: Callable[[float], float] | float
+    velocity: Any
+    conductance: Any
+    source: Any
+    terms: Any
+
+
+class Extension:
+    """What `extra_terms` sees: FiPy's module, the mesh, and the plaque's variables at the current iterate.
+
+    Attributes
+    ----------
+    fipy : module
+    mesh, face_mesh : fipy Grid1D over xi
+    n, l : fipy.CellVariable
+    L, V, t : fipy.Variable
+        Width, growth rate and time. `L` is a uniform CellVariable, for use in coefficients.
+    """
+
+    def __init__(self, fipy: Any, mesh: Any, n: Any, l: Any, L: Any, grid: MovingGrid) -> None:
+        self.fipy, self.mesh, self.n, self.l, self.L, self.grid = fipy, mesh, n, l, L, grid
+        self.V = fipy.Variable(value=0.0, name="V")
+        self.t = fipy.Variable(value=0.0, name="t")
+        self.species: dict[str, Species] = {}
+        self._sources: list[tuple[Any, Callable[[Array, float, float], Array], Array]] = []
+        self._equations: dict[str, Any] = {}
+        self._residuals: dict[str, Array] = {}
+        self._tangent: csc_matrix | None = None
+
+    # -- for the user -----------------------------------------------------------------------------------------------
+
+    def add_species(
+        self,
+        name: str,
+        *,
+        initial: Profile | float = 0.0,
+        diffusivity: float = 1.0,
+        influx: Callable[[float], float] | float = 0.0,
+    ) -> Any:
+        """A further species, stored in the result under `name`. Returns its fipy.CellVariable.
+
+        `initial` is a number or a function of x, `influx` the flux through the endothelium, a number or a function of t.
+        No flux passes the outer wall.
+        """
+        if name in RESERVED or name in self.species or not name.isidentifier():
+            raise ParameterError("extra_terms", f"a species cannot be called {name!r}: the name is taken or is not a plain word.")
+        if not (np.isfinite(diffusivity) and diffusivity > 0.0):
+            raise ParameterError("extra_terms", f"the diffusivity of {name!r} is {diffusivity}; it must be above 0.")
+        fp, mesh = self.fipy, self.mesh
+        variable = fp.CellVariable(mesh=mesh, name=name, hasOld=True, value=0.0)
+        velocity = fp.FaceVariable(mesh=mesh, rank=1, value=0.0)
+        conductance = fp.FaceVariable(mesh=mesh, value=0.0)
+        source = fp.CellVariable(mesh=mesh, value=0.0)
+        terms = (
+            fp.TransientTerm(coeff=self.L, var=variable)
+            + fp.CentralDifferenceConvectionTerm(coeff=velocity, var=variable)
+            - fp.DiffusionTerm(coeff=conductance, var=variable)
+            - source
+        )
+        self.species[name] = Species(variable, initial, diffusivity, influx, velocity, conductance, source, terms)
+        return variable
+
+    def source(self, function: Callable[[Array, float, float], Array], *, on_faces: bool = False) -> Any:
+        """A variable that follows ``function(xi, t, L)`` in time, for explicit sources; on the faces for "w"."""
+        mesh = self.face_mesh if on_faces else self.mesh
+        xi = self.grid.faces[1:-1] if on_faces else self.grid.centres
+        variable = self.fipy.CellVariable(mesh=mesh, value=0.0)
+        self._sources.append((variable, function, xi))
+        return variable
+
+    @property
+    def face_mesh(self) -> Any:
+        """The mesh of the slip equation; its cells are the interior faces."""
+        h = self.grid.spacing
+        return self.fipy.Grid1D(nx=self.grid.cells - 1, dx=h) + np.array([[0.5 * h]])
+
+    # -- for the scheme ---------------------------------------------------------------------------------------------
+
+    @property
+    def active(self) -> bool:
+        return bool(self._equations)
+
+    def attach(self, extra_terms: ExtraTerms | None) -> None:
+        """Call the user's function and set up what it returns."""
+        if extra_terms is None:
+            return
+        added = dict(extra_terms(self))
+        known = ["n", "l", "w", *self.species]
+        for name in added:
+            if name not in known:
+                raise ParameterError("extra_terms", f"there is no equation {name!r}{nearest(name, known)}. Equations: {', '.join(known)}.")
+        self._equations = {name: -term for name, term in added.items() if name not in self.species}
+        for name, species in self.species.items():
+            self._equations[name] = species.terms - added[name] if name in added else species.terms
+
+    def initial(self, u: Array, layout: Layout, L: float) -> None:
+        """Write the initial products L s into the loop's vector."""
+        for i, species in enumerate(self.species.values()):
+            x = self.grid.centres * L
+            value = species.initial(x) if callable(species.initial) else species.initial
+            u[layout.extra(i)] = L * np.broadcast_to(np.asarray(value, dtype=float), x.shape)
+
+    def load(self, t: float, L: float, V: float, x: Array, past: Array, layout: Layout) -> None:
+        """Put an iterate into the variables."""
+        self.t.setValue(t)
+        self.V.setValue(V)
+        for variable, function, xi in self._sources:
+            variable.setValue(np.broadcast_to(np.asarray(function(xi, t, L), dtype=float), xi.shape))
+        h = self.grid.spacing
+        for i, species in enumerate(self.species.values()):
+            value = x[layout.extra(i)]
+            species.variable.setValue(past[layout.extra(i)] / past[layout.L])
+            species.variable.updateOld()
+            species.variable.setValue(value)
+            flux = ldl_flux(value, L, V, self.grid.faces[1:-1], h, species.diffusivity)
+            inner = np.zeros(self.grid.cells)
+            inner[0] = (species.influx(t) if callable(species.influx) else species.influx) / h
+            species.velocity.setValue(np.concatenate([[0.0], flux.velocity, [0.0]])[None, :])
+            species.conductance.setValue(np.concatenate([[0.0], flux.conductance * h, [0.0]]))
+            species.source.setValue(inner)
+
+    def _evaluate(self, dt: float) -> dict[str, Array]:
+        h = self.grid.spacing
+        values = {}
+        for name, equation in self._equations.items():
+            if isinstance(equation, self.fipy.Variable):
+                values[name] = h * np.asarray(equation.value, dtype=float)
+            else:
+                values[name] = np.asarray(equation.justResidualVector(dt=dt), dtype=float)
+        return values
+
+    def _places(self, layout: Layout) -> dict[str, slice]:
+        places = {"n": layout.n, "l": layout.l, "w": layout.w}
+        return places | {name: layout.extra(i) for i, name in enumerate(self.species)}
+
+    def add_residuals(self, out: Array, dt: float, layout: Layout) -> None:
+        """Add the residuals of the added terms and species to `out`."""
+        if not self.active:
+            return
+        places = self._places(layout)
+        for i in range(layout.species):
+            out[layout.extra(i)] = 0.0
+        self._residuals = self._evaluate(dt)
+        for name, value in self._residuals.items():
+            out[places[name]] += value
+
+    def tangent(self, entries: Triplets, load: Callable[[Array], Any], dt: float, x: Array, layout: Layout) -> None:
+        """Add the derivatives of the added terms, by differences over three colours of cells, to `entries`."""
+        places = self._places(layout)
+        base = self._stacked(self._residuals, places, layout)
+        rows: list[NDArray[np.int64]] = []
+        columns: list[NDArray[np.int64]] = []
+        values: list[Array] = []
+        cells = layout.cells
+
+        def probe(where: NDArray[np.int64]) -> Array:
+            y = x.copy()
+            step = 1e-7 * np.maximum(1.0, np.abs(y[where]))
+            y[where] += step
+            load(y)
+            return (self._stacked(self._evaluate(dt), places, layout) - base) / float(step.max())
+
+        for name, place in places.items():
+            if name == "w":
+                continue
+            for colour in range(3):
+                index = np.arange(colour, cells, 3)
+                difference = probe(place.start + index)
+                for target in places.values():
+                    row = np.arange(target.start, target.stop)
+                    owner = np.clip(colour + 3 * np.round((row - target.start - colour) / 3.0).astype(int), colour, index[-1])
+                    rows.append(row)
+                    columns.append(place.start + owner)
+                    values.append(difference[row])
+        for scalar in (layout.L, layout.V):
+            difference = probe(np.array([scalar]))
+            row = np.arange(layout.unknowns)
+            rows.append(row)
+            columns.append(np.full_like(row, scalar))
+            values.append(difference)
+        load(x)
+        r, c, v = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+        self._tangent = csc_matrix((v, (r, c)), shape=(layout.unknowns, layout.unknowns))
+        entries.add(r, c, v)
+
+    def _stacked(self, residuals: Mapping[str, Array], places: Mapping[str, slice], layout: Layout) -> Array:
+        out = np.zeros(layout.unknowns)
+        for name, value in residuals.items():
+            out[places[name]] = value
+        return out
+
+    def totals(self, change: Array, layout: Layout) -> tuple[float, float]:
+        """Integrals of what is added to n and to l in this step, linearised as the step was."""
+        if not self.active or self._tangent is None:
+            return 0.0, 0.0
+        total = self._stacked(self._residuals, self._places(layout), layout) + self._tangent @ change
+        return -float(np.sum(total[layout.n])), -float(np.sum(total[layout.l]))

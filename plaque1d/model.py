@@ -1,0 +1,260 @@
+"""The plaque as a model of `multiphase`: its outputs, its plan, its checks, and `simulate`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from multiphase.errors import ParameterError
+from multiphase.model import Model, Panel, Quantity
+from multiphase.plan import Plan
+from plaque1d import equations as eq
+from plaque1d.parameters import PRESETS, PlaqueGeometry, PlaqueInitial, PlaqueParameters, PlaqueSolver, check
+
+if TYPE_CHECKING:
+    from multiphase.result import Result
+    from multiphase.scene import Scene
+    from multiphase.stepping import Tracker
+    from plaque1d.extensions import ExtraTerms
+
+VELOCITY = {"length": 1, "time": -1}
+GROWTH_TO_WARN = 5.0
+"""Exponent of the growth of short waves by the end from which the drag form is warned about."""
+
+_QUANTITIES = (
+    Quantity("n", "n", "necrotic fraction"),
+    Quantity("c", "c", "macrophage fraction"),
+    Quantity("l", "l", "modified LDL", {"concentration": 1}),
+    Quantity("u_n", "u_n", "velocity of the necrotic phase", VELOCITY),
+    Quantity("u_m", "u_m", "velocity of the macrophages", VELOCITY),
+    Quantity("p_n", "p_n", "pressure of the necrotic phase", {"pressure": 1}),
+    Quantity("L", "L", "width of the intima", {"length": 1}),
+    Quantity("L_rate", "L'", "growth rate of the width", VELOCITY),
+    Quantity("l_wall", "l(0)", "modified LDL at the endothelium", {"concentration": 1}),
+    Quantity("n_wall", "n(0)", "necrotic fraction at the endothelium"),
+    Quantity("n_total", r"\int n\,dx", "amount of the necrotic phase", {"length": 1}),
+    Quantity("c_total", r"\int c\,dx", "amount of macrophages", {"length": 1}),
+    Quantity("l_total", r"\int l\,dx", "amount of modified LDL", {"concentration": 1, "length": 1}),
+    Quantity("defect_L", r"\delta_L", "relative defect of the balance of the width"),
+    Quantity("defect_n", r"\delta_n", "relative defect of the balance of the necrotic phase"),
+    Quantity("defect_c", r"\delta_c", "relative defect of the balance of macrophages"),
+    Quantity("defect_l", r"\delta_l", "relative defect of the balance of modified LDL"),
+)
+
+_PANELS = (
+    Panel("scalar", ("L", "L_rate"), "Width of the intima and its growth rate"),
+    Panel("spacetime", ("n",), "Necrotic fraction on the growing intima"),
+    Panel("profile", ("n",), "Necrotic fraction"),
+    Panel("profile", ("l",), "Modified LDL"),
+    Panel("profile", ("u_n", "u_m"), "Velocities of the phases"),
+    Panel("profile", ("p_n",), "Pressure"),
+)
+
+
+def _check(scene: Scene) -> None:
+    if scene.output.vtk:
+        raise ParameterError("output.vtk", "a copy for ParaView is for models in two dimensions; export the plaque as .csv instead.")
+    check(scene.parameters, scene.initial)
+
+
+def _plan(scene: Scene) -> Plan:
+    """FiPy on the slab; what is eliminated, and a warning where the drag form grows short waves."""
+    p: PlaqueParameters = scene.parameters
+    cells = scene.solver.cells
+    form = "with the interfacial force p_n grad n" if p.momentum == "interfacial" else "drag only, as printed"
+    wall = "n_x(0, t) = 0" if p.inner_wall == "no_gradient" else f"n(0, t) = {p.inner_wall:g}"
+    return Plan(
+        solver="fipy",
+        geometry=f"slab, 0 <= x <= L(t), {cells} equal cells in xi = x / L",
+        equations=(
+            "necrotic phase      (L n)_t + (n (u_n - xi V))_xi = k_m L l c             (3.10a)",
+            "modified LDL        (L l)_t + (l (V - xi V) - l_xi / L)_xi = -k_l L l c    (3.10b)",
+            f"slip w = u_m - u_n  difference of the momentum balances, {form}  (3.8d,e)",
+            "width               L' = V = Psi_m l(0, t)                                (3.9)",
+        ),
+        unknowns=3 * cells + 1,
+        dropped=(
+            "c = 1 - n: the fractions add to one",
+            "p_n: the sum of the momentum balances, integrated from the outer wall, gives it afterwards",
+            "the mixture velocity: it is uniform and equals V",
+        ),
+        reasons=(
+            f"inner wall: {wall}, the condition that the printed equations leave open",
+            "method fipy: Newton's method on FiPy's finite volumes, error-controlled "
+            + ("BDF2" if scene.solver.time_scheme == "bdf2" else "backward Euler"),
+        ),
+        warnings=drag_warning(p, scene.initial, scene.time.end),
+    )
+
+
+def drag_warning(p: PlaqueParameters, initial: PlaqueInitial, t_end: float) -> tuple[str, ...]:
+    """A sentence when the drag form grows short waves by more than exp(5) until the end, judged from the initial state.
+
+    Short waves grow at ``((1 - 2n) Sigma - p_out) / (nu_m n + nu_n c)``.
+    """
+    if p.momentum != "drag" or (p.nu_n == 0.0 and p.nu_m == 0.0):
+        return ()
+    xi = np.linspace(0.0, 1.0, 201)
+    n, l = initial.n(x=initial.L * xi, xi=xi), initial.l(x=initial.L * xi, xi=xi)
+    diffusivity = eq.drag_diffusivity(n, eq.extra_stress(l, p.A, p.B, p.k), p.p_out)
+    with np.errstate(divide="ignore"):
+        rate = float(np.max(-diffusivity / eq.mean_viscosity(n, p.nu_n, p.nu_m)))
+    if rate * t_end <= GROWTH_TO_WARN:
+        return ()
+    return (
+        f"momentum = drag is ill-posed for short waves here: they grow like exp({rate:.3g} t), {rate * t_end:.3g} e-foldings by the end, "
+        f"so finer meshes do not converge. parameters.p_out of {p.A:g} (A) or more, or momentum = interfacial, cures it.",
+    )
+
+
+def _scheme(scene: Scene, plan: Plan, *, extra_terms: ExtraTerms | None = None) -> Any:
+    from plaque1d.fipy_scheme import FipyScheme
+
+    return FipyScheme(scene.parameters, scene.initial, scene.solver.cells, scene.solver.rtol, extra_terms)
+
+
+def _summary(result: Result) -> list[tuple[str, str]]:
+    """Width, growth, necrosis and balance defects at the last stored time, in the units of the scene."""
+    shown = result.in_units()
+    if shown.t.size == 0:
+        return [("stored", "nothing yet")]
+
+    def value(name: str, digits: int = 5) -> str:
+        unit = shown.unit(name)
+        return f"{shown[name][-1]:.{digits}g}" + (f" {unit}" if unit != "-" else "")
+
+    first = f"{shown['L'][0]:.4g}" + (f" {shown.unit('L')}" if shown.unit("L") != "-" else "")
+    width = float(result["L"][-1])
+    core = "n not stored"
+    if "n" in result.fields:
+        fraction = float(np.mean(result["n"][-1] > 0.9))
+        core = f"n > 0.9 in {100.0 * fraction:.0f} % of the width, n from {result['n'][-1].min():.3f} to {result['n'][-1].max():.3f}"
+    defects = ", ".join(f"{name[7:]} {np.max(np.abs(result[name])):.0e}" for name in ("defect_L", "defect_n", "defect_c", "defect_l"))
+    return [
+        ("time", f"{shown.t[-1]:.5g}" + (f" {shown.unit('t')}" if shown.unit("t") != "-" else "")),
+        ("width L", f"{value('L')}  (from {first})"),
+        ("growth rate L'", value("L_rate", 4)),
+        ("necrotic fraction", f"{result['n_total'][-1] / width:.4f} on average, {result['n_wall'][-1]:.4f} at the endothelium"),
+        ("necrotic core", core),
+        ("balance defects", f"{defects}  (relative, largest over the run)"),
+    ]
+
+
+MODEL = Model(
+    name="plaque",
+    title="Early atherosclerotic plaque",
+    parameters=PlaqueParameters,
+    initial=PlaqueInitial,
+    geometry=PlaqueGeometry,
+    solver=PlaqueSolver,
+    presets=PRESETS,
+    default_preset="demo",
+    quantities={q.name: q for q in _QUANTITIES},
+    panels=_PANELS,
+    film="n",
+    scenes="plaque1d.scenes",
+    check=_check,
+    plan=_plan,
+    scheme=_scheme,
+    summary=_summary,
+    ends=("lumen | endothelium", "media"),
+)
+
+
+def simulate(
+    parameters: PlaqueParameters | None = None,
+    *,
+    initial: PlaqueInitial | None = None,
+    t_end: float,
+    geometry: str | PlaqueGeometry = "slab",
+    solver: str = "auto",
+    cells: int = 100,
+    rtol: float = 1e-4,
+    time_scheme: str = "bdf2",
+    dt: float | None = None,
+    max_steps: int = 100_000,
+    save_at: Sequence[float] | None = None,
+    save_every: float | None = None,
+    file: str | Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: bool | Tracker = False,
+    trackers: Sequence[Tracker] = (),
+    raise_on_failure: bool = True,
+    extra_terms: Callable[..., Any] | None = None,
+    scales: Any = None,
+    title: str = "",
+) -> Result:
+    """Grow a plaque.
+
+    Parameters
+    ----------
+    parameters : PlaqueParameters, optional
+        The preset `demo` by default.
+    initial : PlaqueInitial, optional
+        The intima at t = 0; that of the preset `demo` by default.
+    t_end : float
+        End of the run (dimensionless, as everything here).
+    geometry : "slab" or PlaqueGeometry
+    solver : {"auto", "fipy"}
+    cells : int
+        Equal cells in xi = x / L. The error of n falls as 1/cells^2.
+    rtol : float
+        Accuracy in time: local errors of the fractions and relative errors of l and L.
+    time_scheme : {"bdf2", "backward-euler"}
+    dt : float, optional
+        A fixed step; the error is then not controlled.
+    save_at : sequence of float, optional
+        Times to store, besides 0 and `t_end`; or `save_every`. 51 times by default.
+    file : path, optional
+        HDF5 file that grows with the run; `resume` goes on with it, `overwrite` replaces it.
+    progress : bool or Tracker
+        Show progress on standard error.
+    trackers : sequence of multiphase.stepping.Tracker
+    raise_on_failure : bool
+        Raise SolverError (the default) or return a result with status "failed".
+    extra_terms : callable, optional
+        Further FiPy terms and species; see `plaque1d.extensions`.
+    scales : mapping, optional
+        Physical units for display, as the table [scales] of a scene.
+
+    Returns
+    -------
+    multiphase.Result
+        Fields n, c, l, u_n, u_m, p_n, (nt, cells), at x, (nt, cells); scalars L, L_rate, l_wall, n_wall, n_total, c_total, l_total,
+        defect_L, defect_n, defect_c, defect_l, (nt,).
+
+    Raises
+    ------
+    ParameterError
+        A value that cannot be used, by its dotted path, before any work starts.
+    SolverError
+        The run could not go on.
+    """
+    from multiphase.run import make_scene, run
+
+    settings = {"method": solver, "cells": cells, "rtol": rtol, "time_scheme": time_scheme, "dt": dt, "max_steps": max_steps}
+    scene = make_scene(
+        MODEL,
+        parameters,
+        initial=initial,
+        geometry=geometry,
+        t_end=t_end,
+        save_at=save_at,
+        save_every=save_every,
+        title=title,
+        scales=scales,
+        solver=settings,
+    )
+    return run(
+        scene,
+        file=file,
+        existing="resume" if resume else "replace" if overwrite else "refuse",
+        progress=progress,
+        trackers=trackers,
+        raise_on_failure=raise_on_failure,
+        options={"extra_terms": extra_terms},
+    )

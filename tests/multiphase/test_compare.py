@@ -1,0 +1,241 @@
+"""Comparing results: common times, common positions, what counts and what does not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from multiphase.compare import Comparison, Difference, compare
+from multiphase.errors import ParameterError
+from multiphase.result import Result
+
+
+def sample(cells: int = 8, times: Any = (0.0, 0.5, 1.0), power: int = 1) -> Result:
+    t = np.asarray(times, dtype=float)
+    xi = (np.arange(cells) + 0.5) / cells
+    width = 1 + t
+    return Result(
+        model="plaque",
+        t=t,
+        x=xi * width[:, None],
+        scalars={"L": width, "defect_n": np.full(len(t), 1e-16)},
+        fields={"n": xi**power * width[:, None], "l": np.ones((len(t), cells))},
+        checkpoint={"state": np.arange(3.0)},
+    )
+
+
+def change(result: Result, name: str, index: Any, by: float) -> Result:
+    group = "scalars" if name in result.scalars else "fields"
+    values = result[name].copy()
+    values[index] += by
+    return replace(result, **{group: getattr(result, group) | {name: values}})
+
+
+def of(comparison: Comparison, name: str) -> Difference:
+    return next(entry for entry in comparison.differences if entry.name == name)
+
+
+def test_identical() -> None:
+    found = compare(sample(), sample())
+    assert found.identical
+    assert found.worst == 0
+    assert "identical bit for bit" in found.table()
+    assert not found.exceeds(0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(sample(), checkpoint={"state": np.arange(3.0) + 1}),
+        replace(sample(), checkpoint={}),
+        change(sample(), "defect_n", 1, 1e-18),
+        replace(sample(), checkpoint={"state": np.arange(3.0).view(np.int64)}),
+        replace(sample(), x=None),
+        sample(times=(0, 0.5, 1, 1.5)),
+    ],
+    ids=["checkpoint", "no checkpoint", "one bit", "type", "no positions", "more times"],
+)
+def test_not_identical(other: Result) -> None:
+    found = compare(sample(), other)
+    assert not found.identical
+    assert "identical bit for bit" not in found.table()
+
+
+def test_a_minus_zero_is_not_the_same_bits() -> None:
+    zero = replace(sample(), scalars={"k": np.zeros(3)})
+    found = compare(zero, replace(zero, scalars={"k": -np.zeros(3)}))
+    assert not found.identical
+    assert found.worst == 0
+
+
+def test_a_field_difference_is_found_where_it_is() -> None:
+    entry = of(compare(sample(), change(sample(), "n", (1, 2), 0.25)), "n")
+    assert entry.kind == "field"
+    assert entry.max_abs == 0.25  # the values are sums of few powers of two, so nothing is rounded
+    assert entry.l1 == 0.25 / 8
+    assert entry.time == 0.5
+    assert entry.xi == 2.5 / 8
+    assert entry.scale == 1.875
+    assert entry.relative_to_scale == 0.25 / 1.875
+
+
+def test_a_scalar_difference_is_found_where_it_is() -> None:
+    entry = of(compare(sample(), change(sample(), "L", 0, -0.25)), "L")
+    assert (entry.kind, entry.max_abs, entry.time, entry.scale) == ("scalar", 0.25, 0.0, 2.0)
+    assert entry.max_relative == 0.25
+    assert entry.relative_to_scale == 0.125
+    assert entry.xi is None
+
+
+def test_l1_is_the_mean_over_cells_at_the_worst_time() -> None:
+    b = change(change(sample(), "l", 1, 0.5), "l", (2, 0), 1.0)
+    entry = of(compare(sample(), b), "l")
+    assert entry.max_abs == 1.0
+    assert entry.time == 1.0
+    assert entry.l1 == 0.5
+
+
+def test_only_common_times_count() -> None:
+    a, b = sample(times=(0, 0.3, 0.5, 1)), sample(times=(0, 0.5, 0.7, 1, 2))
+    found = compare(a, change(b, "L", (2,), 5.0))
+    assert found.times == (0, 0.5, 1)
+    assert found.worst == 0
+
+
+def test_times_that_differ_by_rounding_are_common() -> None:
+    a, b = sample(times=(0, 0.1 * 3)), sample(times=(0, 0.3))
+    assert a.t[1] != b.t[1]
+    assert len(compare(a, b).times) == len(compare(b, a).times) == 2
+    later = sample(times=(0, 0.3, 1))
+    assert len(compare(a, later).times) == len(compare(later, a).times) == 2
+    with pytest.raises(ParameterError, match="no common time"):
+        compare(a, sample(times=(0, 0.3 * (1 + 1e-11))))
+
+
+def test_the_finer_grid_goes_to_the_coarser() -> None:
+    for a, b in ((sample(8), sample(32)), (sample(32), sample(8))):
+        found = compare(a, b)
+        assert found.cells == 8
+        # n is linear in x, which linear interpolation gives up to rounding of values of size 2.
+        assert of(found, "n").max_abs < 1e-14
+
+
+def test_interpolation_is_of_second_order() -> None:
+    errors = [of(compare(sample(8, power=2), sample(cells, power=2)), "n").max_abs for cells in (24, 72)]
+    # xi², width 2: the chord is at most h²/8 · 2 · 2 off. A cell number three times as large keeps the points, so the error falls as h².
+    assert errors[0] <= 2 * 2 / (8 * 24**2) + 1e-14
+    odd = [of(compare(sample(8, power=2), sample(cells, power=2)), "n").max_abs for cells in (16, 32)]
+    assert odd[0] / odd[1] == pytest.approx(4, rel=1e-10)
+
+
+def test_positions_are_relative_to_the_width() -> None:
+    a = sample()
+    b = replace(a, x=2 * np.asarray(a.x), scalars=a.scalars | {"L": 2 * a["L"]})
+    found = compare(a, b)
+    assert of(found, "n").max_abs == 0
+    assert of(found, "L").relative_to_scale == 0.5
+
+
+def test_unequal_cells_of_the_same_number_are_interpolated() -> None:
+    a = sample()
+    xi = ((np.arange(8) + 0.5) / 8) ** 0.9
+    b = replace(a, x=xi * a["L"][:, None], fields={"n": xi * a["L"][:, None]})
+    # n = x in both: interior cells agree to rounding; np.interp holds the end values constant beyond the outermost centres.
+    found = of(compare(a, b), "n")
+    assert found.max_abs == pytest.approx(2 * (xi[0] - 0.5 / 8), rel=1e-12)
+    assert found.xi == 0.5 / 8
+
+
+def test_defects_do_not_count() -> None:
+    found = compare(sample(), change(sample(), "defect_n", 1, 1.0))
+    assert of(found, "defect_n").max_abs == pytest.approx(1.0, rel=1e-15)  # less the 1e-16 that was there
+    assert found.worst == 0
+    assert "defect_n" in found.table()
+
+
+def test_worst_and_tolerance() -> None:
+    b = change(change(sample(), "n", (2, 7), 0.1875), "L", 1, 0.05)
+    found = compare(sample(), b)
+    assert found.largest.name == "n"
+    # scale: the changed value itself, 1.875 + 0.1875
+    assert found.worst == 0.1875 / 2.0625
+    assert found.exceeds(0.09)
+    assert not found.exceeds(found.worst)
+
+
+def test_noise_about_zero_does_not_count_as_a_difference() -> None:
+    a = replace(sample(), scalars={"k": np.full(3, 1e-17)})
+    b = replace(sample(), scalars={"k": np.full(3, -1e-17)})
+    # 2e-17 over the smallest scale 1e-10
+    assert compare(a, b).worst < 1e-6
+
+
+def test_nan_on_one_side_exceeds_every_tolerance() -> None:
+    found = compare(sample(), change(sample(), "n", (1, 1), np.nan))
+    assert found.worst == np.inf
+    assert found.exceeds(1e300)
+    assert of(found, "n").scale == 1.875
+    loaded = json.loads(found.to_json())
+    assert loaded["worst"] == "inf"
+
+
+def test_nan_or_infinity_on_both_sides_is_no_difference() -> None:
+    for value in (np.nan, np.inf):
+        a = change(change(sample(), "n", (1, 1), value), "L", 0, value)
+        assert compare(a, replace(a, checkpoint={})).worst == 0
+
+
+def test_quantities_of_one_side_are_listed() -> None:
+    a, b = sample(), sample()
+    del a.fields["l"]
+    b.scalars["extra"] = np.ones(3)
+    found = compare(a, b)
+    assert found.only_a == ()
+    assert found.only_b == ("extra", "l")
+    assert "only in B: extra, l" in found.table()
+
+
+def test_results_without_positions() -> None:
+    a, b = replace(sample(), x=None), replace(change(sample(), "n", (0, 0), 1.0), x=None)
+    entry = of(compare(a, b), "n")
+    assert (entry.max_abs, entry.xi) == (1.0, None)
+    with pytest.raises(ParameterError, match="different meshes"):
+        compare(a, replace(sample(16), x=None))
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        (replace(sample(), model="tumour"), "different models, 'plaque' and 'tumour'"),
+        (sample(times=(0, 0.25)), "no common time beyond the start"),
+        (replace(sample(), units={"L": "µm"}), "'L' is in '-' in one result and in 'µm'"),
+        (replace(sample(), scalars={"k": np.ones(3)}, fields={}), "no quantity in common"),
+        (Result(model="plaque", t=np.zeros(0)), "no common time"),
+    ],
+)
+def test_what_cannot_be_compared(other: Result, said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        compare(sample(), other)
+
+
+def test_json() -> None:
+    found = compare(sample(), change(sample(), "n", (1, 2), 0.25))
+    data = json.loads(found.to_json())
+    assert data["worst"] == found.worst
+    assert data["worst_quantity"] == "n"
+    assert data["identical"] is False
+    assert [entry["name"] for entry in data["differences"]] == ["L", "defect_n", "n", "l"]
+    assert data["differences"][2]["xi"] == 2.5 / 8
+
+
+def test_table() -> None:
+    lines = compare(sample(), change(sample(), "n", (1, 2), 0.25)).table().splitlines()
+    assert lines[0] == "compared at 3 common times, 0 to 1 and 8 positions"
+    row = next(line for line in lines if line.startswith("n "))
+    assert row.split() == ["n", "2.500e-01", "1.333e-01", "3.125e-02", "0.5", "0.3125"]
+    assert lines[-1].startswith("worst: n, 1.333e-01")
+    assert max(map(len, lines)) <= 90
