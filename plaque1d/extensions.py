@@ -82,6 +82,7 @@ class Extension:
         self._equations: dict[str, Any] = {}
         self._residuals: dict[str, Array] = {}
         self._tangent: csc_matrix | None = None
+        self._implicit = False
 
     # -- for the user -----------------------------------------------------------------------------------------------
 
@@ -145,6 +146,8 @@ class Extension:
         for name in added:
             if name not in known:
                 raise ParameterError("extra_terms", f"there is no equation {name!r}{nearest(name, known)}. Equations: {', '.join(known)}.")
+        explicit = [variable for variable, _, _ in self._sources]
+        self._implicit = bool(self.species) or not all(any(term is source for source in explicit) for term in added.values())
         self._equations = {name: -term for name, term in added.items() if name not in self.species}
         for name, species in self.species.items():
             self._equations[name] = species.terms - added[name] if name in added else species.terms
@@ -202,6 +205,8 @@ class Extension:
 
     def tangent(self, entries: Triplets, load: Callable[[Array], Any], dt: float, x: Array, layout: Layout) -> None:
         """Add the derivatives of the added terms, by differences over three colours of cells, to `entries`."""
+        if not self._implicit:  # nothing but sources that follow time
+            return
         places = self._places(layout)
         base = self._stacked(self._residuals, places, layout)
         rows: list[NDArray[np.int64]] = []
@@ -247,7 +252,9 @@ class Extension:
 
     def totals(self, change: Array, layout: Layout) -> tuple[float, float]:
         """Integrals of what is added to n and to l in this step, linearised as the step was."""
-        if not self.active or self._tangent is None:
+        if not self.active:
             return 0.0, 0.0
-        total = self._stacked(self._residuals, self._places(layout), layout) + self._tangent @ change
+        total = self._stacked(self._residuals, self._places(layout), layout)
+        if self._tangent is not None:
+            total += self._tangent @ change
         return -float(np.sum(total[layout.n])), -float(np.sum(total[layout.l]))
