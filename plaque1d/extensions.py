@@ -28,7 +28,7 @@ from multiphase.parameters import nearest
 from plaque1d.discretisation import ldl_flux
 
 if TYPE_CHECKING:
-    from plaque1d.tangent import Layout, Triplets
+    from plaque1d.tangent import Layout
 
 Array = NDArray[np.float64]
 ExtraTerms = Callable[["Extension"], Mapping[str, Any]]
@@ -71,6 +71,8 @@ class Extension:
     n, l : fipy.CellVariable
     L, V, t : fipy.Variable
         Width, growth rate and time. `L` is a uniform CellVariable, for use in coefficients.
+    implicit : bool
+        Whether the added terms depend on the unknowns (explicit sources alone do not); then `tangent` is their derivative.
     """
 
     def __init__(self, fipy: Any, mesh: Any, n: Any, l: Any, L: Any, grid: MovingGrid) -> None:
@@ -81,8 +83,8 @@ class Extension:
         self._sources: list[tuple[Any, Callable[[Array, float, float], Array], Array]] = []
         self._equations: dict[str, Any] = {}
         self._residuals: dict[str, Array] = {}
-        self._tangent: csc_matrix | None = None
-        self._implicit = False
+        self.tangent: csc_matrix | None = None
+        self.implicit = False
 
     # -- for the user -----------------------------------------------------------------------------------------------
 
@@ -147,7 +149,7 @@ class Extension:
             if name not in known:
                 raise ParameterError("extra_terms", f"there is no equation {name!r}{nearest(name, known)}. Equations: {', '.join(known)}.")
         explicit = [variable for variable, _, _ in self._sources]
-        self._implicit = bool(self.species) or not all(any(term is source for source in explicit) for term in added.values())
+        self.implicit = bool(self.species) or not all(any(term is source for source in explicit) for term in added.values())
         self._equations = {name: -term for name, term in added.items() if name not in self.species}
         for name, species in self.species.items():
             self._equations[name] = species.terms - added[name] if name in added else species.terms
@@ -203,46 +205,36 @@ class Extension:
         for name, value in self._residuals.items():
             out[places[name]] += value
 
-    def tangent(self, entries: Triplets, load: Callable[[Array], Any], dt: float, x: Array, layout: Layout) -> None:
-        """Add the derivatives of the added terms, by differences over three colours of cells, to `entries`."""
-        if not self._implicit:  # nothing but sources that follow time
-            return
+    def differentiate(self, load: Callable[[Array], Any], dt: float, x: Array, layout: Layout) -> None:
+        """Set `tangent`, the derivative of the added terms, by differences over three colours of cells."""
         places = self._places(layout)
         base = self._stacked(self._residuals, places, layout)
-        rows: list[NDArray[np.int64]] = []
-        columns: list[NDArray[np.int64]] = []
-        values: list[Array] = []
-        cells = layout.cells
+        rows = np.arange(layout.unknowns)
+        entries: list[tuple[NDArray[np.int64], NDArray[np.int64], Array]] = []
 
-        def probe(where: NDArray[np.int64]) -> Array:
+        def probe(where: NDArray[np.int64], step: float) -> Array:
             y = x.copy()
-            step = 1e-7 * np.maximum(1.0, np.abs(y[where]))
             y[where] += step
             load(y)
-            return (self._stacked(self._evaluate(dt), places, layout) - base) / float(step.max())
+            return (self._stacked(self._evaluate(dt), places, layout) - base) / step
 
         for name, place in places.items():
             if name == "w":
                 continue
+            step = 1e-7 * max(1.0, float(np.max(np.abs(x[place]))))
             for colour in range(3):
-                index = np.arange(colour, cells, 3)
-                difference = probe(place.start + index)
+                index = np.arange(colour, layout.cells, 3)
+                difference = probe(place.start + index, step)
                 for target in places.values():
-                    row = np.arange(target.start, target.stop)
-                    owner = np.clip(colour + 3 * np.round((row - target.start - colour) / 3.0).astype(int), colour, index[-1])
-                    rows.append(row)
-                    columns.append(place.start + owner)
-                    values.append(difference[row])
+                    row = rows[target]
+                    nearest_probed = colour + 3 * np.round((row - target.start - colour) / 3.0).astype(int)
+                    entries.append((row, place.start + np.clip(nearest_probed, colour, index[-1]), difference[row]))
         for scalar in (layout.L, layout.V):
-            difference = probe(np.array([scalar]))
-            row = np.arange(layout.unknowns)
-            rows.append(row)
-            columns.append(np.full_like(row, scalar))
-            values.append(difference)
+            difference = probe(np.array([scalar]), 1e-7 * max(1.0, abs(float(x[scalar]))))
+            entries.append((rows, np.full_like(rows, scalar), difference))
         load(x)
-        r, c, v = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
-        self._tangent = csc_matrix((v, (r, c)), shape=(layout.unknowns, layout.unknowns))
-        entries.add(r, c, v)
+        r, c, v = (np.concatenate(part) for part in zip(*entries, strict=True))
+        self.tangent = csc_matrix((v, (r, c)), shape=(layout.unknowns, layout.unknowns))
 
     def _stacked(self, residuals: Mapping[str, Array], places: Mapping[str, slice], layout: Layout) -> Array:
         out = np.zeros(layout.unknowns)
@@ -255,6 +247,6 @@ class Extension:
         if not self.active:
             return 0.0, 0.0
         total = self._stacked(self._residuals, self._places(layout), layout)
-        if self._tangent is not None:
-            total += self._tangent @ change
+        if self.tangent is not None:
+            total += self.tangent @ change
         return -float(np.sum(total[layout.n])), -float(np.sum(total[layout.l]))

@@ -33,7 +33,7 @@ from plaque1d import discretisation as fv
 from plaque1d import equations as eq
 from plaque1d.extensions import Extension, ExtraTerms
 from plaque1d.parameters import PlaqueInitial, PlaqueParameters
-from plaque1d.tangent import Layout, Triplets, tangent
+from plaque1d.tangent import Layout, tangent
 
 Array = NDArray[np.float64]
 
@@ -166,14 +166,11 @@ class FipyScheme:
         p, lay, h = self.parameters, self.layout, self.grid.spacing
         n, l, w, L, V = x[lay.n], x[lay.l], x[lay.w], float(x[lay.L]), float(x[lay.V])
         xi = self.grid.faces[1:-1]
-        F = fv.necrotic_flux(n, w, V, xi, fv.wall_fraction(p), p.nu_n, p.nu_m)
-        G = fv.ldl_flux(l, L, V, xi, h)
-        s = fv.slip(n, l, V, p)
-        L_past = float(past[lay.L])
-        for variable, value, old in ((self._L, L, L_past), (self._n, n, past[lay.n] / L_past), (self._l, l, past[lay.l] / L_past)):
-            variable.setValue(old)
-            variable.updateOld()
-            variable.setValue(value)
+        with np.errstate(divide="raise", invalid="raise", over="raise"):
+            F = fv.necrotic_flux(n, w, V, xi, fv.wall_fraction(p), p.nu_n, p.nu_m)
+            G = fv.ldl_flux(l, L, V, xi, h)
+            s = fv.slip(n, l, V, p)
+        self._load_fields(t, past, x)
         self._w.setValue(w)
         self._transport.set_flux(_closed(F.velocity), _closed(F.value))
         self._uptake.setValue(p.k_m * L * l)
@@ -184,8 +181,20 @@ class FipyScheme:
         inner[0] = p.Psi_l(t, side=-1) / h
         self._influx.setValue(inner)
         self._set_slip(s, L)
-        self.extension.load(t, L, V, x, past, lay)
         return F, G, s
+
+    def _load_fields(self, t: float, past: Array, x: Array) -> None:
+        """Put L, n, l and the species of an iterate, and their weighted past, into the FiPy variables."""
+        lay, L, L_past = self.layout, float(x[self.layout.L]), float(past[self.layout.L])
+        for variable, value, old in (
+            (self._L, L, L_past),
+            (self._n, x[lay.n], past[lay.n] / L_past),
+            (self._l, x[lay.l], past[lay.l] / L_past),
+        ):
+            variable.setValue(old)
+            variable.updateOld()
+            variable.setValue(value)
+        self.extension.load(t, L, float(x[lay.V]), x, past, lay)
 
     def _set_slip(self, s: fv.Slip, L: float) -> None:
         """The symmetric slip operator as diffusion plus an implicit source; both walls are a whole cell away, so their
@@ -228,20 +237,17 @@ class FipyScheme:
 
     # -- Newton -----------------------------------------------------------------------------------------------------
 
-    def tangent(self, t: float, alpha: float, past: Array, x: Array, parts: tuple[Any, ...]) -> csc_matrix:
-        """Exact tangent of `residual`; added terms by finite differences."""
+    def tangent(self, t: float, alpha: float, past: Array, x: Array, parts: tuple[Any, ...], *, fresh: bool = True) -> csc_matrix:
+        """Exact tangent of `residual`; added terms by finite differences, those of the last call unless `fresh`."""
         lay = self.layout
         F, G, s = parts
         entries = tangent(
             self.parameters, lay, alpha, self.parameters.Psi_l(t, side=-1),
             x[lay.n], x[lay.l], x[lay.w], float(x[lay.L]), float(x[lay.V]), F, G, s,
         )  # fmt: skip
-        self._extension_tangent(entries, t, alpha, past, x)
-        return entries.matrix(lay.unknowns)
-
-    def _extension_tangent(self, entries: Triplets, t: float, alpha: float, past: Array, x: Array) -> None:
-        if self.extension.active:
-            self.extension.tangent(entries, lambda y: self._load(t, alpha, past, y), 1.0 / alpha, x, self.layout)
+        if fresh and self.extension.implicit:
+            self.extension.differentiate(lambda y: self._load_fields(t, past, y), 1.0 / alpha, x, lay)
+        return entries.matrix(lay.unknowns) + self.extension.tangent if self.extension.implicit else entries.matrix(lay.unknowns)
 
     def solve(self, t: float, alpha: float, past: Array, guess: Array) -> Solved:
         """Newton's method from the predicted vector; see `multiphase.stepping.Scheme`."""
@@ -250,7 +256,7 @@ class FipyScheme:
         last = 0.0
         for iteration in range(1, NEWTON_ITERATIONS + 1):
             r, parts = self.residual(t, alpha, past, x)
-            matrix = self.tangent(t, alpha, past, x, parts)
+            matrix = self.tangent(t, alpha, past, x, parts, fresh=iteration == 1)
             try:
                 change = splu(matrix).solve(-r)
             except RuntimeError as error:

@@ -28,9 +28,14 @@ def _run(scheme, t_end, stops=4, **control):
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"momentum": "drag", "p_out": 1.0}, {"mu_n": 0.01, "mu_m": 1.0}, {"Psi_l": {"times": [0.0, 0.2, 0.2, 0.6], "values": [1.0, 1.0, 0.1, 2.0]}}],
+    [
+        {},
+        {"momentum": "drag", "p_out": 1.0},
+        {"mu_n": 0.01, "mu_m": 1.0},
+        {"Psi_l": {"times": [0.0, 0.2, 0.2, 0.6], "values": [1.0, 1.0, 0.1, 2.0]}},
+    ],
     ids=["interfacial", "drag", "unequal", "pulsed influx"],
-)  # fmt: skip
+)
 def test_balances_close_to_rounding_and_the_combined_identity_holds(make_scheme, changes):
     rtol = 1e-3
     scheme = make_scheme(24, rtol, **changes)
