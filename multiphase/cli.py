@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import shlex
 import signal
 import sys
 import textwrap
@@ -93,6 +94,7 @@ def _scenes(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace) -> int:
     from multiphase.run import Existing, Terminated, run, stats_line
     from multiphase.scene import load_scene
+    from multiphase.stepping import State, Tracker
     from multiphase.trackers import Progress
 
     scene = load_scene(options.scene, options.set)
@@ -102,33 +104,44 @@ def _run(options: argparse.Namespace) -> int:
     def terminate(*_: object) -> NoReturn:
         raise Terminated
 
-    signal.signal(signal.SIGTERM, terminate)
     time_unit = scene.scales.factor({"time": 1}) if scene.scales else (1.0, "-")
 
     def words(t: float) -> str:
         return f"{t * time_unit[0]:.4g}" + (f" {time_unit[1]}" if time_unit[1] != "-" else "")
 
-    if not options.quiet:
-        plan = scene.model.plan(scene)
-        print(f"{scene.title}\n{plan.solver}, {plan.geometry}, to t = {words(scene.time.end)}", flush=True)
+    class Header(Tracker):
+        """Says what runs, once nothing is left that could be refused."""
+
+        def on_start(self, state: State, t_end: float) -> None:
+            plan = scene.model.plan(scene)
+            print(f"{scene.title}\n{plan.solver}, {plan.geometry}, to t = {words(scene.time.end)}", flush=True)
+
     progress = False if options.quiet else Progress(describe=words)
     existing: Existing = "resume" if options.resume else "replace" if options.force else "refuse"
-    again = f"multiphase run {options.scene}{''.join(f' --set {item!r}' for item in options.set)} -o {file} --resume"
+    sets = [part for item in options.set for part in ("--set", item)]
+    again = shlex.join(["multiphase", "run", options.scene, *sets, "-o", str(file), "--resume"])
     untouched = file.stat().st_mtime_ns if file.exists() else None
+    previous = signal.signal(signal.SIGTERM, terminate)
     try:
-        result = run(scene, file=file, existing=existing, progress=progress, threads=options.threads)
+        headers = [] if options.quiet else [Header()]
+        result = run(scene, file=file, existing=existing, progress=progress, trackers=headers, threads=options.threads)
     except (KeyboardInterrupt, Terminated) as stop:
-        sys.stderr.write(f"multiphase: interrupted; everything up to the last good step is in {file}. To go on: {again}\n")
+        kept = f"everything up to the last good step is in {file}" if file.exists() else "nothing had been stored yet"
+        sys.stderr.write(f"multiphase: interrupted; {kept}. To go on: {again}\n")
         return INTERRUPTED if isinstance(stop, KeyboardInterrupt) else TERMINATED
     except SolverError as error:
         if options.debug:
             traceback.print_exception(error)
-        sys.stderr.write(f"multiphase: {error} To go on after a change of solver settings or space: {again}\n")
+        kept = f"Everything up to the last good step is in {file}; a changed scene starts anew, with --force or another -o."
+        advice = f"To go on: {again}" if isinstance(error.__cause__, OSError) else kept
+        sys.stderr.write(f"multiphase: {error} {advice}\n")
         return FAILED
+    finally:
+        signal.signal(signal.SIGTERM, previous)
     if untouched is not None and file.stat().st_mtime_ns == untouched:
-        print(f"{file} is complete already; nothing was changed.")
-        return DONE
-    if not options.quiet:
+        if not options.quiet:
+            print(f"{file} is complete already; nothing was changed.")
+    elif not options.quiet:
         rows = [("ended", f"{result.status}: {result.message}"), *scene.model.summary(result), ("cost", stats_line(result))]
         rows += [("file", str(file)), ("next", f"multiphase plot {file}      multiphase animate {file} -o {file.stem}.gif")]
         _print_rows(rows)
@@ -182,7 +195,7 @@ def _plot(options: argparse.Namespace) -> int:
 
 
 def _animate(options: argparse.Namespace) -> int:
-    from multiphase.plotting import animate
+    from multiphase.film import animate
     from multiphase.result import load
 
     target = Path(options.output)

@@ -1,4 +1,4 @@
-"""Pictures and films of a result.
+"""Pictures of a result, and what films share with them.
 
 What is drawn comes from the model's panels and quantities, so any model with fields on a moving
 interval is drawn by the same code. Everything is shown in physical units where the scene has scales.
@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
-from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
@@ -33,19 +32,14 @@ from multiphase.parameters import nearest
 if TYPE_CHECKING:
     from multiphase.result import Result
 
-__all__ = ["animate", "figure", "save_figure"]
-
 Array = NDArray[np.float64]
 
 PICTURES = (".png", ".pdf", ".svg")
-FILMS = (".gif", ".mp4")
 KINDS = ("scalar", "profile", "spacetime")
-LINE_STYLES = ("-", "--", ":", "-.")
+LINE_STYLES: tuple[Any, ...] = ("-", "--", ":", "-.")
 PROFILES = 6  # times shown in a profile panel
 COLUMNS = 300  # time columns of a space-time picture, about the pixels it is printed with
-FEW_TIMES, SMOOTH_FRAMES, MOST_FRAMES = 40, 100, 150
-BAND_PIXELS = 600
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.size": 8.5,
     "axes.labelsize": 8.5,
     "axes.titlesize": 9,
@@ -61,7 +55,7 @@ STYLE: dict[str, Any] = {
 
 
 @dataclass(frozen=True, slots=True)
-class _View:
+class View:
     """A result in the units it is drawn in, without the times whose positions are not finite.
 
     Attributes
@@ -110,7 +104,7 @@ class _View:
 
     def footer(self) -> str:
         """How the run ended, and its last stored time."""
-        when = self.time_text(_time_texts(self.t[-1:])[0])
+        when = self.time_text(time_texts(self.t[-1:])[0])
         status, message = self.result.status, self.result.message
         if status == "completed":
             return f"completed at {when}"
@@ -118,7 +112,7 @@ class _View:
         return textwrap.fill(textwrap.shorten(f"{ended}. {message}" if message else ended, 220, placeholder=" ..."), 110)
 
 
-def _view(result: Result) -> _View:
+def view_of(result: Result) -> View:
     model = find_model(result.model)
     title = tomllib.loads(result.scene).get("scene", {}).get("title") or model.title
     result = result.in_units()
@@ -138,14 +132,14 @@ def _view(result: Result) -> _View:
         fields={name: values[keep] for name, values in result.fields.items()},
     )
     if x is None or wall is None:
-        return _View(result, model, str(title), dict(result.scalars), None, None)
+        return View(result, model, str(title), dict(result.scalars), None, None)
     x, wall = x[keep], wall[keep]
     edges = np.column_stack([np.zeros(len(x)), 0.5 * (x[:, 1:] + x[:, :-1]), wall])
     values = result.scalars | {name: field for name, field in result.fields.items() if field.shape == x.shape}
-    return _View(result, model, str(title), values, edges, wall)
+    return View(result, model, str(title), values, edges, wall)
 
 
-def _time_texts(times: Array) -> list[str]:
+def time_texts(times: Array) -> list[str]:
     """Times as text, with as many decimals as tell neighbours apart, scientific when all are very small or one is very large."""
     top = float(np.max(np.abs(times)))
     spacing = float(np.min(np.diff(times))) if len(times) > 1 else 0.1 * top
@@ -159,7 +153,7 @@ def _time_texts(times: Array) -> list[str]:
     return [f"{time:.{least}f}" for time in times]
 
 
-def _limits(values: Array, margin: float = 0.05) -> tuple[float, float]:
+def limits(values: Array, margin: float = 0.05) -> tuple[float, float]:
     """Axis limits around the finite `values`; a constant gets room to either side instead of a picture of its rounding."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
@@ -172,7 +166,7 @@ def _limits(values: Array, margin: float = 0.05) -> tuple[float, float]:
     return low - margin * (high - low), high + margin * (high - low)
 
 
-def _at_times(t: Array, values: Array, times: Array) -> Array:
+def at_times(t: Array, values: Array, times: Array) -> Array:
     """`values` (nt, ...) at `times`, linear in time at fixed cell index."""
     if len(t) == 1:
         return np.repeat(values[:1], len(times), axis=0)
@@ -184,7 +178,7 @@ def _at_times(t: Array, values: Array, times: Array) -> Array:
     return np.where(weight == 0.0, values[left], np.where(weight == 1.0, values[right], mixed))
 
 
-def _colour_map() -> Colormap:
+def colour_map() -> Colormap:
     """Even in lightness (also in grey and to colour-blind eyes); what is not a number is grey."""
     return matplotlib.colormaps["viridis"].with_extremes(bad="0.8")
 
@@ -196,10 +190,10 @@ def _profile_rows(t: Array) -> list[int]:
 
 
 def _profile_colours(count: int) -> list[Any]:
-    return [_colour_map()(value) for value in (np.linspace(0.0, 0.9, count) if count > 1 else [0.0])]
+    return [colour_map()(value) for value in (np.linspace(0.0, 0.9, count) if count > 1 else [0.0])]
 
 
-def _choose(view: _View, panels: Sequence[Panel] | None) -> list[Panel]:
+def _choose(view: View, panels: Sequence[Panel] | None) -> list[Panel]:
     """The panels that this result can show, one name to a space-time panel."""
     chosen = view.model.panels if panels is None else tuple(panels)
     for panel in chosen:
@@ -224,8 +218,11 @@ def _choose(view: _View, panels: Sequence[Panel] | None) -> list[Panel]:
     return drawable
 
 
-def _draw_lines(view: _View, panel: Panel, axes: Axes, draw: Callable[[Axes, str, str, bool], None]) -> None:
-    """Lay out a panel of lines: an axis for each of at most two units, and line styles with a legend for several names."""
+def draw_lines(view: View, panel: Panel, axes: Axes, draw: Callable[[Axes, str, str, bool], None], rows: Any = slice(None)) -> None:
+    """Lay out a panel of lines: an axis for each of at most two units, and line styles with a legend for several names.
+
+    The axes span the values at the times `rows`.
+    """
     groups: dict[str, list[str]] = {}
     for name in panel.names:
         quantity = view.model.quantities.get(name)
@@ -238,43 +235,44 @@ def _draw_lines(view: _View, panel: Panel, axes: Axes, draw: Callable[[Axes, str
             side.spines["right"].set_visible(True)
         for name in group:
             draw(side, name, LINE_STYLES[panel.names.index(name) % len(LINE_STYLES)], bool(position))
-        side.set_ylim(*_limits(np.concatenate([view.values[name].ravel() for name in group])))
+        side.set_ylim(*limits(np.concatenate([view.values[name][rows].ravel() for name in group])))
         side.set_ylabel(view.label(*group))
     if len(panel.names) > 1:
+        place: Any = "best" if len(groups) == 1 else "lower right"  # "best" does not see the lines of the other axis
         styles = [Line2D([], [], color="black", linestyle=LINE_STYLES[i % len(LINE_STYLES)]) for i in range(len(panel.names))]
-        axes.legend(styles, [view.symbol(name) for name in panel.names], loc="best", handlelength=2.4, framealpha=0.8)
+        axes.legend(styles, [view.symbol(name) for name in panel.names], loc=place, handlelength=2.4, framealpha=0.8)
 
 
-def _draw_scalar(view: _View, panel: Panel, axes: Axes) -> None:
+def _draw_scalar(view: View, panel: Panel, axes: Axes) -> None:
     def draw(side: Axes, name: str, style: str, second: bool) -> None:
         marker = "o" if len(view.t) == 1 else ""
         side.plot(view.t, view.values[name], style, marker=marker, markersize=4, color="#b35806" if second else "black", label=name)
 
-    _draw_lines(view, panel, axes, draw)
+    draw_lines(view, panel, axes, draw)
     axes.set_xlim(*_time_limits(view.t))
     axes.set_xlabel(view.time_label())
 
 
-def _draw_profile(view: _View, panel: Panel, axes: Axes) -> None:
+def _draw_profile(view: View, panel: Panel, axes: Axes) -> None:
     positions, wall = view.result.x, view.wall
     assert positions is not None
     assert wall is not None
     rows = _profile_rows(view.t)
 
     def draw(side: Axes, name: str, style: str, second: bool) -> None:
-        for row, colour, text in zip(rows, _profile_colours(len(rows)), _time_texts(view.t[rows]), strict=True):
+        for row, colour, text in zip(rows, _profile_colours(len(rows)), time_texts(view.t[rows]), strict=True):
             side.plot(positions[row], view.values[name][row], style, color=colour, label=f"{name}, {view.time_text(text)}")
 
-    _draw_lines(view, panel, axes, draw)
+    draw_lines(view, panel, axes, draw, rows)
     axes.set_xlim(0.0, 1.05 * float(wall.max()))
     axes.set_xlabel(f"position x{view.bracket('x')}")
 
 
 def _time_limits(t: Array) -> tuple[float, float]:
-    return (float(t[0]), float(t[-1])) if t[-1] > t[0] else _limits(t)
+    return (float(t[0]), float(t[-1])) if t[-1] > t[0] else limits(t)
 
 
-def _draw_spacetime(view: _View, panel: Panel, axes: Axes) -> None:
+def _draw_spacetime(view: View, panel: Panel, axes: Axes) -> None:
     """Colour over time and position, up to the wall; white beyond it."""
     assert view.edges is not None
     assert view.wall is not None
@@ -289,14 +287,14 @@ def _draw_spacetime(view: _View, panel: Panel, axes: Axes) -> None:
     times = np.linspace(view.t[0], view.t[-1], COLUMNS)
     if len(view.t) <= COLUMNS:
         times = np.union1d(times, view.t)
-    edges = _at_times(view.t, view.edges, times)
-    rows = _at_times(view.t, view.values[name], 0.5 * (times[1:] + times[:-1]))
-    low, high = _limits(view.values[name], margin=0.0)
+    edges = at_times(view.t, view.edges, times)
+    rows = at_times(view.t, view.values[name], 0.5 * (times[1:] + times[:-1]))
+    low, high = limits(view.values[name], margin=0.0)
     mesh = axes.pcolormesh(
         np.broadcast_to(times[:, None], edges.shape),
         edges,
         np.ma.masked_invalid(rows),
-        cmap=_colour_map(),
+        cmap=colour_map(),
         vmin=low,
         vmax=high,
         rasterized=True,  # a vector file would otherwise hold every cell at every time
@@ -325,14 +323,14 @@ def figure(result: Result, *, panels: Sequence[Panel] | None = None) -> Figure:
     ParameterError
         When a given panel names what the result does not hold, or nothing is left to draw.
     """
-    view = _view(result)
+    view = view_of(result)
     chosen = _choose(view, panels)
     draw = {"scalar": _draw_scalar, "profile": _draw_profile, "spacetime": _draw_spacetime}
     with matplotlib.rc_context(STYLE):
         rows = (len(chosen) + 1) // 2
         picture = Figure(figsize=(7.0, 0.9 + 2.35 * rows), layout="constrained")
         FigureCanvasAgg(picture)
-        body = picture.subfigures(1, 1)
+        body: SubFigure = picture.subfigures(1, 1, squeeze=True)  # type: ignore[assignment]
         grid = body.add_gridspec(rows, 2)
         for index, panel in enumerate(chosen):
             row, column = divmod(index, 2)
@@ -343,14 +341,14 @@ def figure(result: Result, *, panels: Sequence[Panel] | None = None) -> Figure:
         if any(panel.kind == "profile" for panel in chosen):
             rows_shown = _profile_rows(view.t)
             lines = [Line2D([], [], color=colour, linewidth=2) for colour in _profile_colours(len(rows_shown))]
-            texts = _time_texts(view.t[rows_shown])
+            texts = time_texts(view.t[rows_shown])
             body.legend(lines, texts, title=f"profiles at {view.time_label()}", loc="outside lower center", ncols=PROFILES, frameon=False)
         picture.suptitle(view.title, parse_math=False, wrap=True)
-        picture.supxlabel(view.footer, parse_math=False, fontsize=8, color="0.3")
+        picture.supxlabel(view.footer(), parse_math=False, fontsize=8, color="0.3")
     return picture
 
 
-def _checked(path: str | os.PathLike[str], allowed: tuple[str, ...], what: str) -> Path:
+def checked_path(path: str | os.PathLike[str], allowed: tuple[str, ...], what: str) -> Path:
     target = Path(path)
     if target.suffix.lower() not in allowed:
         raise ParameterError(
@@ -362,7 +360,7 @@ def _checked(path: str | os.PathLike[str], allowed: tuple[str, ...], what: str) 
 
 
 @contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
+def replacing(target: Path) -> Iterator[Path]:
     """A sibling to write to, which takes the place of `target` once it is whole."""
     part = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix.lower()}")
     try:
@@ -380,128 +378,7 @@ def save_figure(result: Result, path: str | os.PathLike[str]) -> None:
     ParameterError
         For another suffix or a folder that does not exist, before anything is drawn.
     """
-    target = _checked(path, PICTURES, "a picture")
+    target = checked_path(path, PICTURES, "a picture")
     picture = figure(result)
-    with _replacing(target) as part, matplotlib.rc_context(STYLE):
+    with replacing(target) as part, matplotlib.rc_context(STYLE):
         picture.savefig(part, format=target.suffix.lower()[1:], dpi=200)
-
-
-class _Film:
-    """The artists of a film, made once and moved from frame to frame.
-
-    Parameters
-    ----------
-    view : _View
-    times : ndarray (frames,)
-    """
-
-    def __init__(self, view: _View, times: Array) -> None:
-        x = view.result.x
-        if x is None or view.edges is None or view.wall is None:
-            raise ParameterError("", "a film needs fields on a one-dimensional grid, and this result has none; use plot instead.")
-        name = view.model.film
-        if name not in view.values:
-            raise ParameterError(
-                "output.fields", f"the film colours {name!r}, which this result does not hold; add it to output.fields and run again."
-            )
-        self.times, self.texts, self.view = times, _time_texts(times), view
-        self.edges, self.x, self.wall = (_at_times(view.t, values, times) for values in (view.edges, x, view.wall))
-        self.reach = 1.05 * float(view.wall.max())
-        self.colours = _at_times(view.t, view.values[name], times)
-        panels = [panel for panel in view.model.panels if panel.kind == "profile" and view.drawable(panel)][:2]
-        with matplotlib.rc_context(STYLE):
-            self.figure = Figure(figsize=(7.0, 1.9 + 1.7 * len(panels)), layout="constrained")
-            FigureCanvasAgg(self.figure)
-            grid = self.figure.add_gridspec(1 + len(panels), 2, height_ratios=[0.8] + [1.0] * len(panels), width_ratios=[1.0, 0.025])
-            self.band_axes = self.figure.add_subplot(grid[0, 0])
-            self._make_band(self.figure.add_subplot(grid[0, 1]))
-            self.profiles: list[tuple[Line2D, Array]] = []
-            for row, panel in enumerate(panels, start=1):
-                self._make_profiles(panel, self.figure.add_subplot(grid[row, 0]))
-            self.figure.axes[-1 if panels else 0].set_xlabel(f"position x{view.bracket('x')}")
-            self.title = self.figure.suptitle(" ", parse_math=False, wrap=True)
-            self.show(len(times) - 1)
-            self.figure.draw_without_rendering()
-        self.figure.set_layout_engine("none")  # laid out once: the frames do not jump, and cost half
-
-    def _make_band(self, bar_axes: Axes) -> None:
-        view, axes = self.view, self.band_axes
-        low, high = _limits(view.values[view.model.film], margin=0.0)
-        self.band = axes.imshow(np.zeros((1, BAND_PIXELS)), cmap=_colour_map(), vmin=low, vmax=high, aspect="auto", interpolation="nearest")
-        (self.wall_line,) = axes.plot([0.0, 0.0], [0.0, 1.0], color="black", linewidth=2.0)
-        self.outer_text = axes.text(0.0, 1.03, view.model.ends[1], ha="center", va="bottom", parse_math=False)
-        axes.set(xlim=(0.0, self.reach), ylim=(0.0, 1.0), yticks=[])
-        axes.spines["right"].set_visible(False)
-        axes.set_ylabel(view.model.ends[0].replace(" | ", " |\n"), rotation=0, ha="right", va="center", parse_math=False)
-        self.figure.colorbar(self.band, cax=bar_axes).set_label(view.label(view.model.film))
-
-    def _make_profiles(self, panel: Panel, axes: Axes) -> None:
-        view = self.view
-
-        def draw(side: Axes, name: str, style: str, second: bool) -> None:
-            (line,) = side.plot([], [], style, color="#b35806" if second else "black")
-            self.profiles.append((line, _at_times(view.t, view.values[name], self.times)))
-
-        _draw_lines(view, panel, axes, draw)
-        axes.set_xlim(0.0, self.reach)
-
-    def show(self, frame: int) -> None:
-        """Move every artist to `frame`."""
-        wall = float(self.wall[frame])
-        pixels = (np.arange(BAND_PIXELS) + 0.5) / BAND_PIXELS * wall
-        cells = np.searchsorted(self.edges[frame, 1:-1], pixels)
-        self.band.set_data(np.ma.masked_invalid(self.colours[frame, cells][None, :]))
-        self.band.set_extent((0.0, wall, 0.0, 1.0))
-        self.wall_line.set_xdata([wall, wall])
-        self.outer_text.set_x(wall)
-        for line, values in self.profiles:
-            line.set_data(self.x[frame], values[frame])
-        self.title.set_text(f"{self.view.title}, {self.view.time_text(self.texts[frame])}")
-
-
-def _frame_times(t: Array) -> Array:
-    """Evenly spaced times of the frames, so that the film runs at an even pace."""
-    if t[-1] <= t[0]:
-        return t[:1]
-    return np.linspace(t[0], t[-1], SMOOTH_FRAMES if len(t) < FEW_TIMES else min(len(t), MOST_FRAMES))
-
-
-def animate(
-    result: Result,
-    path: str | os.PathLike[str],
-    *,
-    fps: int = 12,
-    progress: Callable[[int, int], None] | None = None,
-) -> None:
-    """Write a film of the growing domain: its colours above, profiles below.
-
-    Parameters
-    ----------
-    result : multiphase.Result
-    path : path
-        A .gif, or an .mp4 where ffmpeg is installed; replaced only once the film is whole.
-    fps : int
-        Frames a second, 1 to 60.
-    progress : callable(done, total), optional
-        Called after each frame.
-
-    Raises
-    ------
-    ParameterError
-        For another suffix, an .mp4 without ffmpeg, or a result without the field that the film colours.
-    """
-    target = _checked(path, FILMS, "a film")
-    if not 1 <= fps <= 60:
-        raise ParameterError("fps", f"{fps} frames a second cannot be played; choose a whole number from 1 to 60.")
-    if target.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
-        raise ParameterError("", f"cannot write {str(target)!r}: ffmpeg was not found; write a .gif instead, or install ffmpeg.")
-    view = _view(result)
-    film = _Film(view, _frame_times(view.t))
-    writer = PillowWriter(fps=fps) if target.suffix.lower() == ".gif" else FFMpegWriter(fps=fps)
-    count = len(film.times)
-    with _replacing(target) as part, matplotlib.rc_context(STYLE), writer.saving(film.figure, str(part), dpi=110):
-        for frame in range(count):
-            film.show(frame)
-            writer.grab_frame()
-            if progress is not None:
-                progress(frame + 1, count)

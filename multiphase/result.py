@@ -222,10 +222,10 @@ class Result:
         return plotting.figure(self, **options)
 
     def animate(self, path: PathName, **options: Any) -> None:
-        """A film of the run in `path` (.gif or .mp4): `multiphase.plotting.animate` with its options."""
-        from multiphase import plotting
+        """A film of the run in `path` (.gif or .mp4): `multiphase.film.animate` with its options."""
+        from multiphase import film
 
-        plotting.animate(self, path, **options)
+        film.animate(self, path, **options)
 
 
 def load(path: PathName) -> Result:

@@ -25,7 +25,7 @@ from multiphase.plan import Plan
 from multiphase.result import Result
 from multiphase.scene import OutputTable, Scene, TimeTable, differences, parse_scene
 from multiphase.stepping import Control, State, StopRun, Tracker, integrate, start
-from multiphase.trackers import Balances, Progress, Recorder
+from multiphase.trackers import Balances, Interrupts, Progress, Recorder
 
 logger = logging.getLogger("multiphase")
 
@@ -84,12 +84,27 @@ def run(
     result = _prepare(scene, path, existing)
     if result.status == "completed" and result.t.size and result.t[-1] >= scene.time.end:
         return result
+    with Interrupts() as interrupts:
+        return _execute(scene, path, result, progress, [*trackers, interrupts], threads, raise_on_failure, options or {})
+
+
+def _execute(
+    scene: Scene,
+    path: Path | None,
+    result: Result,
+    progress: bool | Tracker,
+    trackers: Sequence[Tracker],
+    threads: int,
+    raise_on_failure: bool,
+    options: Mapping[str, Any],
+) -> Result:
+    """Go on from `result` to the end of the scene."""
     plan = scene.model.plan(scene)
     for warning in plan.warnings:
         logger.warning("%s", warning)
     before = float(result.stats.get("wall_s", 0.0))
     started = time.perf_counter()
-    scheme = scene.model.scheme(scene, plan, **(options or {}))
+    scheme = scene.model.scheme(scene, plan, **options)
     state, remaining = _starting_state(scene, scheme, result)
     recorder = Recorder(result, path, scene.output.fields)
     recorder.state = state
@@ -110,7 +125,8 @@ def run(
     again = f"multiphase run with --resume ({path})" if path is not None else "a run with a file, which can be resumed"
     try:
         with threadpool_limits(limits=threads):
-            state = integrate(scheme, state, remaining, _control(scene), hooks)
+            if remaining:  # nothing remains of a run that was stopped at its end
+                state = integrate(scheme, state, remaining, _control(scene), hooks)
         return finish("completed", f"reached the end, t = {state.t:.6g}")
     except StopRun as stop:
         at = recorder.state.t if recorder.state else 0.0

@@ -294,7 +294,7 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
             continue
         counters["iterations"] += solved.iterations
         factor, error = _next_factor(scheme, state, t, solved, control)
-        if error > 1.0 and control.dt is None:
+        if not error <= 1.0 and control.dt is None:  # an error that is not a number, too
             counters["rejected_error"] += 1
             reasons.append(f"dt = {h:.3g}: local error {error:.3g} times the tolerance")
             dt = h * max(SMALLEST_SHRINK, min(0.9, factor))

@@ -1,0 +1,147 @@
+"""Films of a growing domain."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import matplotlib
+import numpy as np
+from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from multiphase.errors import ParameterError
+from multiphase.model import Panel
+from multiphase.plotting import STYLE, Array, View, at_times, checked_path, colour_map, draw_lines, limits, replacing, time_texts, view_of
+
+if TYPE_CHECKING:
+    from multiphase.result import Result
+
+FILMS = (".gif", ".mp4")
+FEW_TIMES, SMOOTH_FRAMES, MOST_FRAMES = 40, 100, 150
+BAND_PIXELS = 600
+
+
+class Film:
+    """The artists of a film, made once and moved from frame to frame.
+
+    Parameters
+    ----------
+    view : View
+    times : ndarray (frames,)
+    """
+
+    def __init__(self, view: View, times: Array) -> None:
+        x = view.result.x
+        if x is None or view.edges is None or view.wall is None:
+            raise ParameterError("", "a film needs fields on a one-dimensional grid, and this result has none; use plot instead.")
+        name = view.model.film
+        if name not in view.values:
+            raise ParameterError(
+                "output.fields", f"the film colours {name!r}, which this result does not hold; add it to output.fields and run again."
+            )
+        self.times, self.texts, self.view = times, time_texts(times), view
+        self.edges, self.x, self.wall = (at_times(view.t, values, times) for values in (view.edges, x, view.wall))
+        self.reach = 1.05 * float(view.wall.max())
+        self.colours = at_times(view.t, view.values[name], times)
+        panels = [panel for panel in view.model.panels if panel.kind == "profile" and view.drawable(panel)][:2]
+        with matplotlib.rc_context(STYLE):
+            self.figure = Figure(figsize=(7.0, 1.9 + 1.7 * len(panels)), layout="constrained")
+            FigureCanvasAgg(self.figure)
+            grid = self.figure.add_gridspec(1 + len(panels), 2, height_ratios=[0.8] + [1.0] * len(panels), width_ratios=[1.0, 0.025])
+            self.band_axes = self.figure.add_subplot(grid[0, 0])
+            self._make_band(self.figure.add_subplot(grid[0, 1]))
+            self.profiles: list[tuple[Line2D, Array]] = []
+            for row, panel in enumerate(panels, start=1):
+                self._make_profiles(panel, self.figure.add_subplot(grid[row, 0]))
+            self.figure.axes[-1 if panels else 0].set_xlabel(f"position x{view.bracket('x')}")
+            self.title = self.figure.suptitle(" ", parse_math=False, wrap=True)
+            self.show(len(times) - 1)
+            self.figure.draw_without_rendering()
+        self.figure.set_layout_engine("none")  # laid out once: the frames do not jump, and cost half
+
+    def _make_band(self, bar_axes: Axes) -> None:
+        view, axes = self.view, self.band_axes
+        low, high = limits(view.values[view.model.film], margin=0.0)
+        self.band = axes.imshow(np.zeros((1, BAND_PIXELS)), cmap=colour_map(), vmin=low, vmax=high, aspect="auto", interpolation="nearest")
+        (self.wall_line,) = axes.plot([0.0, 0.0], [0.0, 1.0], color="black", linewidth=2.0)
+        self.outer_text = axes.text(0.0, 1.03, view.model.ends[1], ha="center", va="bottom", parse_math=False)
+        axes.set(xlim=(0.0, self.reach), ylim=(0.0, 1.0), yticks=[])
+        axes.spines["right"].set_visible(False)
+        axes.set_ylabel(view.model.ends[0].replace(" | ", " |\n"), rotation=0, ha="right", va="center", parse_math=False)
+        self.figure.colorbar(self.band, cax=bar_axes).set_label(view.label(view.model.film))
+
+    def _make_profiles(self, panel: Panel, axes: Axes) -> None:
+        view = self.view
+
+        def draw(side: Axes, name: str, style: str, second: bool) -> None:
+            (line,) = side.plot([], [], style, color="#b35806" if second else "black")
+            self.profiles.append((line, at_times(view.t, view.values[name], self.times)))
+
+        draw_lines(view, panel, axes, draw)
+        axes.set_xlim(0.0, self.reach)
+
+    def show(self, frame: int) -> None:
+        """Move every artist to `frame`."""
+        wall = float(self.wall[frame])
+        pixels = (np.arange(BAND_PIXELS) + 0.5) / BAND_PIXELS * wall
+        cells = np.searchsorted(self.edges[frame, 1:-1], pixels)
+        self.band.set_data(np.ma.masked_invalid(self.colours[frame, cells][None, :]))
+        self.band.set_extent((0.0, wall, 0.0, 1.0))
+        self.wall_line.set_xdata([wall, wall])
+        self.outer_text.set_x(wall)
+        for line, values in self.profiles:
+            line.set_data(self.x[frame], values[frame])
+        self.title.set_text(f"{self.view.title}, {self.view.time_text(self.texts[frame])}")
+
+
+def frame_times(t: Array) -> Array:
+    """Evenly spaced times of the frames, so that the film runs at an even pace."""
+    if t[-1] <= t[0]:
+        return t[:1]
+    return np.linspace(t[0], t[-1], SMOOTH_FRAMES if len(t) < FEW_TIMES else min(len(t), MOST_FRAMES))
+
+
+def animate(
+    result: Result,
+    path: str | os.PathLike[str],
+    *,
+    fps: int = 12,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Write a film of the growing domain: its colours above, profiles below.
+
+    Parameters
+    ----------
+    result : multiphase.Result
+    path : path
+        A .gif, or an .mp4 where ffmpeg is installed; replaced only once the film is whole.
+    fps : int
+        Frames a second, 1 to 60.
+    progress : callable(done, total), optional
+        Called after each frame.
+
+    Raises
+    ------
+    ParameterError
+        For another suffix, an .mp4 without ffmpeg, or a result without the field that the film colours.
+    """
+    target = checked_path(path, FILMS, "a film")
+    if not 1 <= fps <= 60:
+        raise ParameterError("fps", f"{fps} frames a second cannot be played; choose a whole number from 1 to 60.")
+    if target.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+        raise ParameterError("", f"cannot write {str(target)!r}: ffmpeg was not found; write a .gif instead, or install ffmpeg.")
+    view = view_of(result)
+    film = Film(view, frame_times(view.t))
+    writer = PillowWriter(fps=fps) if target.suffix.lower() == ".gif" else FFMpegWriter(fps=fps)
+    count = len(film.times)
+    with replacing(target) as part, matplotlib.rc_context(STYLE), writer.saving(film.figure, str(part), dpi=110):
+        for frame in range(count):
+            film.show(frame)
+            writer.grab_frame()
+            if progress is not None:
+                progress(frame + 1, count)
