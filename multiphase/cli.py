@@ -78,7 +78,7 @@ def _scenes(options: argparse.Namespace) -> int:
     if options.name not in shipped:
         from multiphase.parameters import nearest
 
-        raise ParameterError(options.name, f"no scene of this name ships{nearest(options.name, shipped)}. They are {', '.join(shipped)}.")
+        raise ParameterError(options.name, f"no scene of this name ships{nearest(options.name, shipped)} They are {', '.join(shipped)}.")
     text = shipped[options.name].text
     if options.copy is None:
         print(text, end="")
@@ -240,14 +240,16 @@ def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def _positive_integer(text: str) -> int:
-    value = int(text)
-    if value < 1:
+    if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text} is not a positive whole number")
-    return value
+    return int(text)
 
 
 def _tolerance(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
     if not 0.0 <= value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is not a number of 0 or more")
     return value

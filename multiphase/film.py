@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,20 @@ from matplotlib.lines import Line2D
 
 from multiphase.errors import ParameterError
 from multiphase.model import Panel
-from multiphase.plotting import STYLE, Array, View, at_times, checked_path, colour_map, draw_lines, limits, replacing, time_texts, view_of
+from multiphase.plotting import (
+    STYLE,
+    TITLE_WIDTH,
+    Array,
+    View,
+    at_times,
+    checked_path,
+    colour_map,
+    draw_lines,
+    limits,
+    replacing,
+    time_texts,
+    view_of,
+)
 
 if TYPE_CHECKING:
     from multiphase.result import Result
@@ -56,10 +70,12 @@ class Film:
             self.band_axes = self.figure.add_subplot(grid[0, 0])
             self._make_band(self.figure.add_subplot(grid[0, 1]))
             self.profiles: list[tuple[Line2D, Array]] = []
+            lowest = self.band_axes
             for row, panel in enumerate(panels, start=1):
-                self._make_profiles(panel, self.figure.add_subplot(grid[row, 0]))
-            self.figure.axes[-1 if panels else 0].set_xlabel(f"position x{view.bracket('x')}")
-            self.title = self.figure.suptitle(" ", parse_math=False, wrap=True)
+                lowest = self.figure.add_subplot(grid[row, 0])
+                self._make_profiles(panel, lowest)
+            lowest.set_xlabel(f"position x{view.bracket('x')}")
+            self.title = self.figure.suptitle(" ", parse_math=False)
             self.show(len(times) - 1)
             self.figure.draw_without_rendering()
         self.figure.set_layout_engine("none")  # laid out once: the frames do not jump, and cost half
@@ -96,7 +112,7 @@ class Film:
         self.outer_text.set_x(wall)
         for line, values in self.profiles:
             line.set_data(self.x[frame], values[frame])
-        self.title.set_text(f"{self.view.title}, {self.view.time_text(self.texts[frame])}")
+        self.title.set_text(textwrap.fill(f"{self.view.title}, {self.view.time_text(self.texts[frame])}", TITLE_WIDTH))
 
 
 def frame_times(t: Array) -> Array:

@@ -77,7 +77,7 @@ class Expression:
             return np.asarray(self._evaluate(self._tree, coordinates), dtype=float)
 
     def _refusal(self, why: str) -> ParameterError:
-        stop = "" if why.endswith("?") else "."
+        stop = "" if why.endswith(("?", ".")) else "."
         allowed = f"{', '.join((*self.variables, *CONSTANTS))}, numbers, + - * / **, brackets and {', '.join(FUNCTIONS)}"
         example = f'"0.9 - 0.1*exp(-5*{self.variables[-1]})"'
         return ParameterError(self.path, f'"{self.text}" {why}{stop} A formula may use {allowed}; for instance {example}.')

@@ -121,6 +121,5 @@ def find_model(name: str) -> Model:
             return loaded
     from multiphase.parameters import nearest
 
-    raise ParameterError(
-        "scene.model", f"there is no model {name!r}{nearest(name, model_names())}. Installed: {', '.join(model_names()) or 'none'}."
-    )
+    hint = nearest(name, model_names())
+    raise ParameterError("scene.model", f'there is no model "{name}"{hint} Installed: {", ".join(model_names()) or "none"}.')

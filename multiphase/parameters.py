@@ -140,10 +140,10 @@ def specifications(cls: Any) -> dict[str, Parameter]:
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """``; did you mean "k_m"?`` for the nearest of `names`, or an empty text where none is near."""
+    """The end of a sentence: ``; did you mean "k_m"?`` for the nearest of `names`, or a full stop where none is near."""
     folded = {candidate.casefold(): candidate for candidate in names}
     match = difflib.get_close_matches(name.casefold(), folded, n=1)
-    return f'; did you mean "{folded[match[0]]}"?' if match else ""
+    return f'; did you mean "{folded[match[0]]}"?' if match else "."
 
 
 def validate(obj: Any, path: str) -> None:
@@ -192,7 +192,7 @@ def from_table(
         if key not in known:
             if elsewhere and key in elsewhere:
                 raise ParameterError(f"{path}.{key}", f"{key} does not belong in [{path}]; move it to [{elsewhere[key]}].")
-            hint = nearest(key, known) or "."
+            hint = nearest(key, known)
             raise ParameterError(f"{path}.{key}", f'there is no key "{key}" in [{path}]{hint} Its keys are {", ".join(known)}.')
     return made
 
@@ -215,7 +215,7 @@ def replace(obj: T, **changes: Any) -> T:
     for name in changes:
         if name not in names:
             path = getattr(obj, "table", type(obj).__name__)
-            hint = nearest(name, names) or "."
+            hint = nearest(name, names)
             raise ParameterError(f"{path}.{name}", f'there is no parameter "{name}"{hint} The parameters are {", ".join(names)}.')
     return dataclasses.replace(obj, **changes)  # type: ignore[type-var]
 
@@ -274,7 +274,7 @@ def check_keys(table: Mapping[str, Any], wanted: Sequence[str], path: str) -> No
     form = f"{{ {', '.join(f'{key} = ...' for key in wanted)} }}"
     for key in table:
         if key not in wanted:
-            raise ParameterError(f"{path}.{key}", f'there is no key "{key}" here{nearest(key, wanted) or "."} The form is {form}.')
+            raise ParameterError(f"{path}.{key}", f'there is no key "{key}" here{nearest(key, wanted)} The form is {form}.')
     for key in wanted:
         if key not in table:
             raise ParameterError(path, f'the key "{key}" is missing; the form is {form}.')
@@ -330,11 +330,9 @@ def _check_bounds(number: float, specification: Parameter, path: str) -> None:
 
 
 def _wrong(value: Any, specification: Parameter, path: str) -> ParameterError:
-    hint = nearest(value, specification.choices) if isinstance(value, str) else ""
+    hint = nearest(value, specification.choices) if isinstance(value, str) else "."
     finite = " It must be finite." if isinstance(value, float) and value - value != 0.0 else ""
-    return ParameterError(
-        path, f"{_meaning(specification)}must be {specification.expected}, but got {describe(value)}{hint or '.'}{finite}"
-    )
+    return ParameterError(path, f"{_meaning(specification)}must be {specification.expected}, but got {describe(value)}{hint}{finite}")
 
 
 def _meaning(specification: Parameter) -> str:
@@ -407,7 +405,7 @@ class Scales:
         names = [item.name for item in dataclasses.fields(cls)]
         for key in table:
             if key not in names:
-                hint = nearest(key, names) or "."
+                hint = nearest(key, names)
                 raise ParameterError(f"{path}.{key}", f'there is no scale "{key}"{hint} The scales are {", ".join(names)}.')
         return cls(**{key: _scale(value, f"{path}.{key}") for key, value in table.items()})
 

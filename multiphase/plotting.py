@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 PICTURES = (".png", ".pdf", ".svg")
 KINDS = ("scalar", "profile", "spacetime")
 LINE_STYLES: tuple[Any, ...] = ("-", "--", ":", "-.")
+TITLE_WIDTH = 75  # characters; Matplotlib's own wrapping takes two $ for mathematics, and fails
 PROFILES = 6  # times shown in a profile panel
 COLUMNS = 300  # time columns of a space-time picture, about the pixels it is printed with
 STYLE: Any = {
@@ -49,6 +50,7 @@ STYLE: Any = {
     "legend.title_fontsize": 8,
     "figure.titlesize": 11,
     "axes.spines.top": False,
+    "axes.spines.right": False,
     "lines.linewidth": 1.3,
     "text.usetex": False,
 }
@@ -110,6 +112,11 @@ class View:
             return f"completed at {when}"
         ended = f"not finished, stored up to {when}" if status == "running" else f"{status} at {when}"
         return textwrap.fill(textwrap.shorten(f"{ended}. {message}" if message else ended, 220, placeholder=" ..."), 110)
+
+
+def wrapped(title: str) -> str:
+    """`title` in lines that fit a picture 7 inches wide (Matplotlib's own wrapping reads dollar signs as mathematics)."""
+    return textwrap.fill(title, 76)
 
 
 def view_of(result: Result) -> View:
@@ -198,11 +205,11 @@ def _choose(view: View, panels: Sequence[Panel] | None) -> list[Panel]:
     chosen = view.model.panels if panels is None else tuple(panels)
     for panel in chosen:
         if panel.kind not in KINDS:
-            raise ParameterError("panels", f"there is no panel kind {panel.kind!r}{nearest(panel.kind, KINDS)}. Kinds: {', '.join(KINDS)}.")
+            raise ParameterError("panels", f"there is no panel kind {panel.kind!r}{nearest(panel.kind, KINDS)} Kinds: {', '.join(KINDS)}.")
         missing = [] if panels is None else [name for name in panel.names if name not in view.values]
         if missing:
             raise ParameterError(
-                "panels", f"the result holds no {missing[0]!r}{nearest(missing[0], view.values)}. It holds {', '.join(view.values)}."
+                "panels", f"the result holds no {missing[0]!r}{nearest(missing[0], view.values)} It holds {', '.join(view.values)}."
             )
     split = [
         replace(panel, names=names)
@@ -343,7 +350,7 @@ def figure(result: Result, *, panels: Sequence[Panel] | None = None) -> Figure:
             lines = [Line2D([], [], color=colour, linewidth=2) for colour in _profile_colours(len(rows_shown))]
             texts = time_texts(view.t[rows_shown])
             body.legend(lines, texts, title=f"profiles at {view.time_label()}", loc="outside lower center", ncols=PROFILES, frameon=False)
-        picture.suptitle(view.title, parse_math=False, wrap=True)
+        picture.suptitle(textwrap.fill(view.title, TITLE_WIDTH), parse_math=False)
         picture.supxlabel(view.footer(), parse_math=False, fontsize=8, color="0.3")
     return picture
 

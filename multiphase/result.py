@@ -96,7 +96,7 @@ class Result:
         if name not in data:
             from multiphase.parameters import nearest
 
-            raise KeyError(f"this result has no quantity {name!r}{nearest(name, data)}. It has {', '.join(data)}.")
+            raise KeyError(f"this result has no quantity {name!r}{nearest(name, data)} It has {', '.join(data)}.")
         return data[name]
 
     def __contains__(self, name: object) -> bool:

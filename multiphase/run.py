@@ -122,26 +122,30 @@ def _execute(
         recorder.write()
         return done
 
-    again = f"multiphase run with --resume ({path})" if path is not None else "a run with a file, which can be resumed"
+    def reached() -> float:
+        return (recorder.state or state).t
+
+    again = f"run it again with --resume and -o {path} (in Python: file and resume=True)" if path else "give the run a file to resume from"
     try:
-        with threadpool_limits(limits=threads):
-            if remaining:  # nothing remains of a run that was stopped at its end
-                state = integrate(scheme, state, remaining, _control(scene), hooks)
-        return finish("completed", f"reached the end, t = {state.t:.6g}")
-    except StopRun as stop:
-        at = recorder.state.t if recorder.state else 0.0
-        return finish("stopped", f"stopped at t = {at:.6g}: {stop}. To go on: {again}.")
-    except SolverError as error:
-        failed = finish("failed", f"{error} Everything up to t = {error.time:.6g} is kept.")
-        if not raise_on_failure:
-            return failed
-        error.result = failed
-        raise
-    except (KeyboardInterrupt, Terminated):
-        at = recorder.state.t if recorder.state else 0.0
-        finish("stopped", f"interrupted at t = {at:.6g}, after the last good step. To go on: {again}.")
-        raise
+        try:
+            with threadpool_limits(limits=threads):
+                if remaining:  # nothing remains of a run that was stopped at its end
+                    state = integrate(scheme, state, remaining, _control(scene), hooks)
+            return finish("completed", f"reached the end, t = {state.t:.6g}")
+        except StopRun as stop:
+            return finish("stopped", f"stopped at t = {reached():.6g}: {stop}. To go on, {again}.")
+        except SolverError as error:
+            failed = finish("failed", f"{error} Everything up to t = {error.time:.6g} is kept.")
+            if not raise_on_failure:
+                return failed
+            error.result = failed
+            raise
+        except (KeyboardInterrupt, Terminated):
+            finish("stopped", f"interrupted at t = {reached():.6g}, after the last good step. To go on, {again}.")
+            raise
     except OSError as error:
+        for hook in hooks:
+            hook.on_end(recorder.state or state, "failed", str(error))
         raise _disk_error(error, path, recorder) from error
 
 
@@ -154,7 +158,7 @@ def _disk_error(error: OSError, path: Path | None, recorder: Recorder) -> Solver
         kept = f"what was saved up to t = {saved.t[-1]:.6g} is intact" if saved.t.size else "the file is intact"
     at = recorder.state.t if recorder.state else float("nan")
     return SolverError(
-        f"{path} could not be written at t = {at:.6g} ({why}); {kept}. Free some space, then go on with --resume.",
+        f"{path} could not be written at t = {at:.6g} ({why}); {kept}. Free some space, then go on from there.",
         time=at,
         history=[str(error)],
         result=recorder.collect(),

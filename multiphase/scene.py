@@ -176,7 +176,7 @@ class Scene:
                 raise ParameterError(name, f"expected {wanted.__name__} for the model {self.model.name}, but got {describe(value)}.")
         for name in self.output.fields or ():
             if name not in self.model.quantities:
-                hint = nearest(name, self.model.quantities) or "."
+                hint = nearest(name, self.model.quantities)
                 known = ", ".join(self.model.quantities)
                 raise ParameterError("output.fields", f'the model {self.model.name} has no field "{name}"{hint} It has {known}.')
         self.model.check(self)
@@ -205,7 +205,7 @@ class Scene:
         names = [item.name for item in dataclasses.fields(self)]
         for name, value in changes.items():
             if name not in names:
-                raise ParameterError(name, f'a scene has no entry "{name}"{nearest(name, names) or "."} It has {", ".join(names)}.')
+                raise ParameterError(name, f'a scene has no entry "{name}"{nearest(name, names)} It has {", ".join(names)}.')
             if not isinstance(value, Mapping):
                 continue
             if name == "time":
@@ -261,7 +261,7 @@ def load_scene(name_or_path: str | Path, sets: Sequence[str] = ()) -> Scene:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         known = shipped or shipped_scenes()
-        hint = nearest(path.stem, known) or "."
+        hint = nearest(path.stem, known)
         raise ParameterError(
             given, f"there is no such file, and no scene of this name ships{hint} The shipped scenes are {', '.join(known)}."
         ) from None
@@ -318,11 +318,11 @@ def parse_scene(text: str, *, name: str, sets: Sequence[str] = (), file: Path | 
 def differences(a: Scene, b: Scene) -> list[str]:
     """What a resumed run would find changed: dotted paths with both values, `a` being the file and `b` the scene.
 
-    Titles and the name of the output file do not count. A changed end is listed as ``time.end: ...``; the stored times are
-    compared up to the earlier end, and not at all where both scenes leave their spacing to the default.
+    Titles, the name of the output file and the limit of steps do not count. A changed end is listed as ``time.end: ...``; the
+    stored times are compared up to the earlier end, and not at all where both scenes leave their spacing to the default.
     """
     one, other = _flat(a.to_table()), _flat(b.to_table())
-    ignored = ("scene.title", "scene.based_on", "output.file", "time.save_at", "time.save_every")
+    ignored = ("scene.title", "scene.based_on", "output.file", "time.save_at", "time.save_every", "solver.max_steps")
     found = []
     for path in dict.fromkeys((*one, *other)):
         if path not in ignored and one.get(path) != other.get(path):
@@ -388,7 +388,7 @@ def _check_tables(tables: Mapping[str, Any]) -> None:
     """Refuse unknown tables, and values outside any table."""
     for name, value in tables.items():
         if name not in TABLES:
-            hint = nearest(name, TABLES) or "."
+            hint = nearest(name, TABLES)
             what = "there is no such table" if isinstance(value, dict) else "this key stands outside the tables of the scene"
             raise ParameterError(name, f"{what}{hint} The tables are {', '.join(TABLES)}.")
         if not isinstance(value, dict):
@@ -415,7 +415,7 @@ def _check_keys(table: str, values: Mapping[str, Any], known: Sequence[str], els
             continue
         if key in elsewhere:
             raise ParameterError(f"{table}.{key}", f"{key} does not belong in [{table}]; move it to [{elsewhere[key]}].")
-        hint = nearest(key, known) or "."
+        hint = nearest(key, known)
         raise ParameterError(f"{table}.{key}", f'there is no key "{key}" in [{table}]{hint} Its keys are {", ".join(known)}.')
 
 
@@ -426,10 +426,10 @@ def _fill_from_preset(tables: dict[str, Any], model: Model) -> str | None:
     if name is None:
         return None
     if not isinstance(name, str) or name not in model.presets:
-        hint = nearest(name, model.presets) if isinstance(name, str) else ""
+        hint = nearest(name, model.presets) if isinstance(name, str) else "."
         raise ParameterError(
             "parameters.preset",
-            f"{describe(name)} is not a preset of the model {model.name}{hint or '.'} The presets are {', '.join(model.presets)}.",
+            f"{describe(name)} is not a preset of the model {model.name}{hint} The presets are {', '.join(model.presets)}.",
         )
     preset = model.presets[name]
     tables["parameters"] = {**preset.parameters, **given}

@@ -147,7 +147,7 @@ class Extension:
         known = ["n", "l", "w", *self.species]
         for name in added:
             if name not in known:
-                raise ParameterError("extra_terms", f"there is no equation {name!r}{nearest(name, known)}. Equations: {', '.join(known)}.")
+                raise ParameterError("extra_terms", f"there is no equation {name!r}{nearest(name, known)} Equations: {', '.join(known)}.")
         explicit = [variable for variable, _, _ in self._sources]
         self.implicit = bool(self.species) or not all(any(term is source for source in explicit) for term in added.values())
         self._equations = {name: -term for name, term in added.items() if name not in self.species}

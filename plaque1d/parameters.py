@@ -192,7 +192,7 @@ class PlaqueSolver:
 def find_preset(name: str) -> Preset:
     """The preset called `name`; raises ParameterError that names the nearest one."""
     if name not in PRESETS:
-        hint = nearest(name, PRESETS) or "."
+        hint = nearest(name, PRESETS)
         raise ParameterError("parameters.preset", f'there is no preset "{name}"{hint} The presets are {", ".join(PRESETS)}.')
     return PRESETS[name]
 

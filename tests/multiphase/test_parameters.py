@@ -137,9 +137,9 @@ def test_specifications_keep_symbol_and_bounds() -> None:
 
 
 def test_nearest() -> None:
-    assert nearest("kq", ["k_m", "b"]) == ""
+    assert nearest("kq", ["k_m", "b"]) == "."
     assert nearest("psi_L", ["Psi_l", "Psi_m"]) == '; did you mean "Psi_l"?'
-    assert nearest("anything", []) == ""
+    assert nearest("anything", []) == "."
 
 
 SCALES = Scales(length=Scale(100.0, "µm"), time=Scale(0.5, "week"), concentration=Scale(2.0, "mM"))

@@ -191,12 +191,11 @@ def test_to_xarray_without_xarray(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_pictures_are_left_to_plotting(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[object] = []
-    plotting = SimpleNamespace(
-        figure=lambda result, **options: calls.append(("figure", result, options)) or "a figure",
-        animate=lambda result, path, **options: calls.append(("animate", result, path, options)),
-    )
-    monkeypatch.setitem(sys.modules, "multiphase.plotting", plotting)
-    monkeypatch.setattr("multiphase.plotting", plotting, raising=False)
+    plotting = SimpleNamespace(figure=lambda result, **options: calls.append(("figure", result, options)) or "a figure")
+    film = SimpleNamespace(animate=lambda result, path, **options: calls.append(("animate", result, path, options)))
+    for name, module in (("plotting", plotting), ("film", film)):
+        monkeypatch.setitem(sys.modules, f"multiphase.{name}", module)
+        monkeypatch.setattr(f"multiphase.{name}", module, raising=False)
     result = sample()
     assert result.plot(panels=None) == "a figure"
     result.animate("run.gif", fps=3)

@@ -1,0 +1,64 @@
+"""The examples run, small, and say what they should."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+
+
+def _load(name):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_every_example_is_short_and_tested():
+    found = {path.stem: len(path.read_text(encoding="utf-8").splitlines()) for path in EXAMPLES.glob("*.py")}
+    assert set(found) == {"first_plaque", "drag_or_interfacial", "hdl_removes_modldl", "mouse_and_human"}
+    assert found["first_plaque"] <= 30
+    assert max(found.values()) <= 120
+
+
+def test_first_plaque(capsys):
+    # 40 cells at t = 4 against 1.4967 of 800 cells: the mesh error there is below 0.01
+    assert _load("first_plaque").main(cells=40, t_end=4.0) == pytest.approx(1.4967, abs=0.01)
+    assert "necrotic" in capsys.readouterr().out
+    assert Path("first_plaque.png").stat().st_size > 10_000
+
+
+def test_drag_or_interfacial():
+    results = _load("drag_or_interfacial").main(cells=16, t_end=2.0)
+    widths = {name: result["L"][-1] for name, result in results.items()}
+    # more pressure at the outer wall spreads the necrotic phase, leaves more macrophages inside and more growth
+    assert widths["drag, p_out = 2A"] > widths["drag, p_out = A"] > widths["interfacial"] > 1.2
+    assert Path("drag_or_interfacial.png").exists()
+
+
+def test_hdl_slows_growth():
+    plain, treated = _load("hdl_removes_modldl").main(cells=8, t_end=0.3)
+    growth = [result["L"][-1] - 1.0 for result in (plain, treated)]
+    assert 0.0 < growth[1] < 0.97 * growth[0]
+    assert np.all(treated["hdl"][-1] > 0.0)
+    assert np.abs(treated["defect_l"]).max() < 1e-11  # the balance counts what HDL takes
+    assert Path("hdl_removes_modldl.png").exists()
+
+
+def test_mouse_and_human_grow_at_observed_rates():
+    results = _load("mouse_and_human").main(cells=16, fraction=0.2)
+    mouse, human = results["mouse"], results["human"]
+    assert mouse.unit("L_rate") == "µm/week"
+    assert human.unit("L_rate") == "µm/year"
+    # brackets around 6 µm a week (lesions of mice on an atherogenic diet) and 11.8 µm a year (carotid intima-media, MESA)
+    assert 3.0 < mouse["L_rate"][-1] < 12.0
+    assert 6.0 < human["L_rate"][-1] < 24.0
