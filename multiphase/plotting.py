@@ -114,11 +114,6 @@ class View:
         return textwrap.fill(textwrap.shorten(f"{ended}. {message}" if message else ended, 220, placeholder=" ..."), 110)
 
 
-def wrapped(title: str) -> str:
-    """`title` in lines that fit a picture 7 inches wide (Matplotlib's own wrapping reads dollar signs as mathematics)."""
-    return textwrap.fill(title, 76)
-
-
 def view_of(result: Result) -> View:
     model = find_model(result.model)
     title = tomllib.loads(result.scene).get("scene", {}).get("title") or model.title
