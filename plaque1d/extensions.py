@@ -49,12 +49,15 @@ class Species:
         In units of the diffusivity of modLDL.
     influx : callable of t, or float
         Through the endothelium.
+    scale : float
+        Typical size, which the error control falls back on while there is little of it.
     """
 
     variable: Any
     initial: Profile | float
     diffusivity: float
     influx: Callable[[float], float] | float
+    scale: float | None
     velocity: Any
     conductance: Any
     source: Any
@@ -95,11 +98,13 @@ class Extension:
         initial: Profile | float = 0.0,
         diffusivity: float = 1.0,
         influx: Callable[[float], float] | float = 0.0,
+        scale: float | None = None,
     ) -> Any:
         """A further species, stored in the result under `name`. Returns its fipy.CellVariable.
 
         `initial` is a number or a function of x, `influx` the flux through the endothelium, a number or a function of t.
-        No flux passes the outer wall.
+        No flux passes the outer wall. `scale` is its typical size, which the error control falls back on while there is little of
+        it; by default the larger of its initial size and of influx L / diffusivity at first, or 1 where both are 0.
         """
         if name in RESERVED or name in self.species or not name.isidentifier():
             raise ParameterError("extra_terms", f"a species cannot be called {name!r}: the name is taken or is not a plain word.")
@@ -116,7 +121,7 @@ class Extension:
             - fp.DiffusionTerm(coeff=conductance, var=variable)
             - source
         )
-        self.species[name] = Species(variable, initial, diffusivity, influx, velocity, conductance, source, terms)
+        self.species[name] = Species(variable, initial, diffusivity, influx, scale, velocity, conductance, source, terms)
         return variable
 
     def source(self, function: Callable[[Array, float, float], Array], *, on_faces: bool = False) -> Any:
@@ -160,6 +165,16 @@ class Extension:
             x = self.grid.centres * L
             value = species.initial(x) if callable(species.initial) else species.initial
             u[layout.extra(i)] = L * np.broadcast_to(np.asarray(value, dtype=float), x.shape)
+
+    def scales(self, L: float) -> Array:
+        """Typical size of each species, at an initial width L."""
+        x = self.grid.centres * L
+        sizes = []
+        for s in self.species.values():
+            start = float(np.max(np.abs(s.initial(x) if callable(s.initial) else s.initial)))
+            entering = abs(s.influx(0.0) if callable(s.influx) else s.influx) * L / s.diffusivity
+            sizes.append(s.scale if s.scale is not None else max(start, entering) or 1.0)
+        return np.array(sizes)
 
     def load(self, t: float, L: float, V: float, x: Array, past: Array, layout: Layout) -> None:
         """Put an iterate into the variables."""
@@ -221,7 +236,7 @@ class Extension:
         for name, place in places.items():
             if name == "w":
                 continue
-            step = 1e-7 * max(1.0, float(np.max(np.abs(x[place]))))
+            step = 1e-7 * max(1e-3, float(np.max(np.abs(x[place]))))
             for colour in range(3):
                 index = np.arange(colour, layout.cells, 3)
                 difference = probe(place.start + index, step)
@@ -230,7 +245,7 @@ class Extension:
                     nearest_probed = colour + 3 * np.round((row - target.start - colour) / 3.0).astype(int)
                     entries.append((row, place.start + np.clip(nearest_probed, colour, index[-1]), difference[row]))
         for scalar in (layout.L, layout.V):
-            difference = probe(np.array([scalar]), 1e-7 * max(1.0, abs(float(x[scalar]))))
+            difference = probe(np.array([scalar]), 1e-7 * max(1e-3, abs(float(x[scalar]))))
             entries.append((rows, np.full_like(rows, scalar), difference))
         load(x)
         r, c, v = (np.concatenate(part) for part in zip(*entries, strict=True))
