@@ -195,12 +195,21 @@ def _plot(options: argparse.Namespace) -> int:
 
 
 def _animate(options: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
     from multiphase.film import animate
     from multiphase.result import load
 
     target = Path(options.output)
     _check_suffix(target, (".gif", ".mp4"), "-o")
-    animate(load(options.file), target)
+    result = load(options.file)
+    with tqdm(disable=None, leave=False, desc="drawing", unit=" frames") as bar:  # None: only where standard error is a terminal
+
+        def drawn(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        animate(result, target, progress=drawn)
     print(f"{target} written")
     return DONE
 
