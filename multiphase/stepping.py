@@ -69,10 +69,13 @@ class Scheme(Protocol):
     Attributes
     ----------
     breaks : tuple of float
-        Times at which the data jump or kink: a step ends there and the history starts anew.
+        Times at which the data jump: a step ends there and the history starts anew.
+    kinks : tuple of float
+        Times at which the data change their slope: a step ends there.
     """
 
     breaks: tuple[float, ...]
+    kinks: tuple[float, ...]
 
     def initial(self) -> Array:
         """The initial vector, algebraic part included."""
@@ -241,7 +244,7 @@ def integrate(scheme: Scheme, state: State, save_at: Sequence[float], control: C
         tracker.on_start(state, t_end)
     for target in save_at:
         while state.t < target:
-            stop = min([target, *(b for b in scheme.breaks if b > state.t)])
+            stop = min([target, *(b for b in (*scheme.breaks, *scheme.kinks) if b > state.t)])
             state = advance(scheme, state, stop, control)
             if state.t == stop and stop in scheme.breaks:
                 state = restart(scheme, state, control)

@@ -119,7 +119,8 @@ class FipyScheme:
     ) -> None:
         self.parameters, self.initial_values, self.rtol = parameters, initial, rtol
         self.grid = MovingGrid(cells)
-        self.breaks: tuple[float, ...] = tuple(parameters.Psi_l.breaks)
+        self.breaks: tuple[float, ...] = parameters.Psi_l.jumps
+        self.kinks: tuple[float, ...] = parameters.Psi_l.breaks
         self._build(import_fipy(), extra_terms)
         self.layout = Layout(cells, len(self.extension.species))
         self._species_scales = self.extension.scales(initial.L)

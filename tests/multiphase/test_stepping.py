@@ -36,6 +36,7 @@ class Toy:
     """``y' = f(t, y)`` with the implicit step solved in closed form by `step(t, alpha, past)`."""
 
     breaks: tuple[float, ...] = ()
+    kinks: tuple[float, ...] = ()
 
     def __init__(self, y0: float, step: Callable[[float, float, Any], Any], rtol: float = 1e-5) -> None:
         self.y0, self.step, self.rtol = y0, step, rtol
@@ -382,6 +383,22 @@ def test_a_break_at_an_output_time_is_met_once() -> None:
     _, log = solve(scheme, (0.0, JUMP, 1.0))
     assert [s.t for s in log.saved] == [0.0, JUMP, 1.0]
     assert scheme.made_consistent == [JUMP]
+
+
+def test_a_step_ends_at_a_kink_and_the_history_goes_on() -> None:
+    scheme = jumping(False)
+    scheme.kinks = (0.1234,)
+    seen: list[State] = []
+
+    class Watch(Tracker):
+        def on_step(self, state: State) -> None:
+            seen.append(state)
+
+    control = Control(dt=0.05)
+    integrate(scheme, start(scheme, 0.0, 0.4, control), [0.0, 0.4], control, [Watch()])
+    at = [state for state in seen if state.t == 0.1234]
+    assert len(at) == 1
+    assert len(at[0].times) == 3
 
 
 def test_breaks_outside_the_run_do_nothing() -> None:
