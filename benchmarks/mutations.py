@@ -58,7 +58,7 @@ MATHEMATICS = [f"tests/plaque1d/test_{name}.py" for name in ("transport", "dispe
 def first_failure(tree: Path, tests: list[str]) -> str:
     """Name of the first failing test, or "none"; a test that takes longer than the whole file should has failed."""
     environment = os.environ | {"PYTHONPATH": str(tree)}
-    command = [sys.executable, "-m", "pytest", "-x", "-v", "-p", "no:cacheprovider", *tests]
+    command = [sys.executable, "-u", "-m", "pytest", "-x", "-v", "-p", "no:cacheprovider", *tests]
     try:
         output = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False).stdout
     except subprocess.TimeoutExpired as expired:

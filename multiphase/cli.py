@@ -10,6 +10,7 @@ import shlex
 import signal
 import sys
 import textwrap
+import tomllib
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -86,6 +87,7 @@ def _scenes(options: argparse.Namespace) -> int:
     target = Path(options.copy)
     if target.exists():
         raise ParameterError("--copy", f"{target} exists already; take another name.")
+    _check_output(target)
     target.write_text(text, encoding="utf-8")
     print(f"{target} written. Edit it, then: multiphase run {target}")
     return DONE
@@ -98,8 +100,10 @@ def _run(options: argparse.Namespace) -> int:
     from multiphase.trackers import Progress
 
     scene = load_scene(options.scene, options.set)
+    if options.output == "":
+        raise ParameterError("-o", "the name of the file is empty.")
     file = Path(options.output or scene.output.file or f"{scene.name}.h5")
-    _check_suffix(file, (".h5", ".hdf5"), "-o")
+    _check_output(file, (".h5", ".hdf5"))
 
     def terminate(*_: object) -> NoReturn:
         raise Terminated
@@ -132,7 +136,10 @@ def _run(options: argparse.Namespace) -> int:
     except SolverError as error:
         if options.debug:
             traceback.print_exception(error)
-        kept = f"Everything up to the last good step is in {file}; a changed scene starts anew, with --force or another -o."
+        kept = (
+            f"Everything up to the last good step is in {file}. --resume goes on with it, also with a larger time.end or solver.max_steps; "
+            "any other change of the scene starts anew, with --force or another -o."
+        )
         advice = f"To go on: {again}" if isinstance(error.__cause__, OSError) else kept
         sys.stderr.write(f"multiphase: {error} {advice}\n")
         return FAILED
@@ -142,7 +149,12 @@ def _run(options: argparse.Namespace) -> int:
         if not options.quiet:
             print(f"{file} is complete already; nothing was changed.")
     elif not options.quiet:
-        rows = [("ended", f"{result.status}: {result.message}"), *scene.model.summary(result), ("cost", stats_line(result))]
+        rows = [
+            ("ended", f"{result.status}: {result.message}"),
+            *scene.model.summary(result),
+            *_checkpoint(result),
+            ("cost", stats_line(result)),
+        ]
         rows += [("file", str(file)), ("next", f"multiphase plot {file}      multiphase animate {file} -o {file.stem}.gif")]
         _print_rows(rows)
     return DONE
@@ -170,12 +182,16 @@ def _info(options: argparse.Namespace) -> int:
             "model": result.model, "status": result.status, "message": result.message, "created": result.created, "times": len(result.t),
             "t": float(result.t[-1]) if len(result.t) else None, "fields": list(result.fields), "scalars": last, "stats": result.stats,
             "versions": result.versions, "platform": result.platform, "threads": result.threads, "plan": plan_of(result),
+            "scales": tomllib.loads(result.scene).get("scales"),
         }  # fmt: skip
         print(json.dumps(data, indent=1, ensure_ascii=False))
         return DONE
     cells = "" if result.x is None else f", {result.x.shape[1]} cells"
-    rows = [("model", model.title), ("ended", f"{result.status}: {result.message}"), *model.summary(result)]
-    rows += [("stored", f"{len(result.t)} times{cells}; fields {', '.join(result.fields)}"), ("cost", stats_line(result))]
+    rows = [("model", model.title), ("ended", f"{result.status}: {result.message}"), *model.summary(result), *_checkpoint(result)]
+    rows += [
+        ("stored", f"{len(result.t)} time{'s' if len(result.t) != 1 else ''}{cells}; fields {', '.join(result.fields)}"),
+        ("cost", stats_line(result)),
+    ]
     rows += [("created", f"{result.created} on {result.platform}")]
     rows += [("versions", ", ".join(f"{name} {version}" for name, version in result.versions.items()))]
     _print_rows(rows)
@@ -188,7 +204,7 @@ def _plot(options: argparse.Namespace) -> int:
 
     source = Path(options.file)
     target = Path(options.output) if options.output else source.with_suffix(".png")
-    _check_suffix(target, (".png", ".pdf", ".svg"), "-o")
+    _check_output(target, (".png", ".pdf", ".svg"))
     save_figure(load(source), target)
     print(f"{target} written")
     return DONE
@@ -201,7 +217,7 @@ def _animate(options: argparse.Namespace) -> int:
     from multiphase.result import load
 
     target = Path(options.output)
-    _check_suffix(target, (".gif", ".mp4"), "-o")
+    _check_output(target, (".gif", ".mp4"))
     result = load(options.file)
     with tqdm(disable=None, leave=False, desc="drawing", unit=" frames") as bar:  # None: only where standard error is a terminal
 
@@ -227,14 +243,27 @@ def _export(options: argparse.Namespace) -> int:
     from multiphase.export import export
     from multiphase.result import load
 
+    _check_output(Path(options.output))
     for path in export(load(options.file), Path(options.output), units=not options.dimensionless):
         print(f"{path} written")
     return DONE
 
 
-def _check_suffix(path: Path, allowed: Sequence[str], flag: str) -> None:
-    if path.suffix.lower() not in allowed:
-        raise ParameterError(flag, f"{path} should end in {' or '.join(allowed)}.")
+def _check_output(path: Path, allowed: Sequence[str] = ()) -> None:
+    """Refuse, before any work, an output with the wrong ending or one that cannot be written."""
+    from multiphase.storage import check_target
+
+    if allowed and path.suffix.lower() not in allowed:
+        raise ParameterError("-o", f"{path} should end in {' or '.join(allowed)}.")
+    check_target(path, "-o")
+
+
+def _checkpoint(result: Any) -> list[tuple[str, str]]:
+    """Where a run that goes on with this result starts, when that is later than what is stored."""
+    times = result.checkpoint.get("times")
+    if times is None or len(times) == 0 or (len(result.t) and times[0] <= result.t[-1]):
+        return []
+    return [("last good step", f"t = {times[0]:.6g}, from where --resume goes on")]
 
 
 def _print_rows(rows: Sequence[tuple[str, str]]) -> None:

@@ -218,6 +218,13 @@ class PositionFunction:
         """Every value that is given outright: the number, or the values of a table; empty for an expression."""
         return self._values if self._number is None else np.array([self._number])
 
+    @property
+    def extent(self) -> tuple[float, float] | None:
+        """First and last position of a table or file; None for a number, an expression or a callable."""
+        if self._number is not None or self._expression is not None or self._callable is not None:
+            return None
+        return float(self._at[0]), float(self._at[-1])
+
     def with_length(self, length: float) -> PositionFunction:
         """The same function on a body of another extent: a callable is sampled again, the rest is as it was."""
         return self if self._callable is None else PositionFunction(self, variables=self.variables, path=self.path, length=length)

@@ -27,13 +27,14 @@ class Quantity:
     """One named output: its symbol for plots, its meaning, and how its unit follows from the scales.
 
     `dimension` gives the exponents of the scene's scales, for instance ``{"length": 1, "time": -1}`` for
-    a velocity; empty for a fraction.
+    a velocity; empty for a fraction. `kind` is "field" (on the cells) or "scalar".
     """
 
     name: str
     symbol: str
     description: str
     dimension: Mapping[str, int] = field(default_factory=dict)
+    kind: str = "field"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +85,8 @@ class Model:
         What a scientist wants to know at the end of a run.
     ends : (str, str)
         What lies at the inner and outer end of a 1D domain, for the film; empty to say nothing.
+    trackers : callable(scene) -> tuple of multiphase.stepping.Tracker
+        What every run of the scene has hung on its loop, for instance a watch on well-posedness.
     """
 
     name: str
@@ -103,6 +106,7 @@ class Model:
     scheme: Callable[..., Any]
     summary: Callable[[Result], list[tuple[str, str]]]
     ends: tuple[str, str] = ("", "")
+    trackers: Callable[[Scene], tuple[Any, ...]] = lambda scene: ()
 
 
 @cache

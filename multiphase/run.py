@@ -81,10 +81,14 @@ def run(
         The run could not go on; everything up to the last good step is in the file and in the error's `result`.
     """
     path = Path(file) if file is not None else None
+    for tracker in trackers:
+        if not hasattr(tracker, "on_step"):
+            raise ParameterError("trackers", f"{tracker!r} is not a tracker; see multiphase.trackers.")
     result = _prepare(scene, path, existing)
     if result.status == "completed" and result.t.size and result.t[-1] >= scene.time.end:
         return result
-    with Interrupts() as interrupts:
+    scene = _with_spacing_of(scene, result)
+    with storage.claimed(path), Interrupts() as interrupts:
         return _execute(scene, path, result, progress, [*trackers, interrupts], threads, raise_on_failure, options or {})
 
 
@@ -104,12 +108,17 @@ def _execute(
         logger.warning("%s", warning)
     before = float(result.stats.get("wall_s", 0.0))
     started = time.perf_counter()
-    scheme = scene.model.scheme(scene, plan, **options)
-    state, remaining = _starting_state(scene, scheme, result)
+    try:
+        scheme = scene.model.scheme(scene, plan, **options)
+        state, remaining = _starting_state(scene, scheme, result)
+    except ArithmeticError as error:
+        raise SolverError(
+            f"the initial state cannot be evaluated ({error}); are its values, and the parameters, of the right size?"
+        ) from error
     recorder = Recorder(result, path, scene.output.fields)
     recorder.state = state
     _describe(result, scene, plan, scheme, threads)
-    hooks = [recorder, Balances(), *trackers]
+    hooks = [recorder, Balances(), *scene.model.trackers(scene), *trackers]
     if progress:
         hooks.append(progress if isinstance(progress, Tracker) else Progress())
 
@@ -172,24 +181,36 @@ def _prepare(scene: Scene, path: Path | None, existing: Existing) -> Result:
         if existing == "resume":
             raise ParameterError("file", "resume needs the file of the run to go on with.")
         return empty
-    if path.is_dir() or not path.parent.is_dir():
-        raise ParameterError(
-            "output.file", f"{path} cannot be written: {'it is a folder' if path.is_dir() else 'its folder does not exist'}."
-        )
+    storage.check_target(path)
     if not path.exists() or existing == "replace":
         return empty
     if existing == "refuse":
         raise ParameterError(
-            "output.file", f"{path} exists already. Take --resume to go on with it, --force to replace it, or -o for another name."
+            "output.file",
+            f"{path} exists already. Take --resume to go on with it, --force to replace it, or -o for another name "
+            "(in Python: resume=True, overwrite=True, file=...).",
         )
     stored = storage.read(path)
     old = parse_scene(stored.scene, name=scene.name)
+    scene = _with_spacing_of(scene, stored)
     changes = [line for line in differences(old, scene) if not (line.startswith("time.end") and scene.time.end >= old.time.end)]
     if changes:
         raise ParameterError(
-            "--resume", f"{path} was made by another scene: {'; '.join(changes)}. Run that scene, or take -o for another file, or --force."
+            "--resume",
+            f"{path} was made by another scene: {'; '.join(changes)}. Run that scene, or take -o for another file, or --force to replace "
+            "it (in Python: file=..., overwrite=True).",
         )
     return stored
+
+
+def _with_spacing_of(scene: Scene, stored: Result) -> Scene:
+    """A longer run that leaves the spacing of its output times to the default goes on with that of the stored one."""
+    if not stored.scene or not scene.time.default_spacing:
+        return scene
+    old = parse_scene(stored.scene, name=scene.name).time
+    if old.save_every is None:
+        return scene
+    return scene.with_changes(time={"end": scene.time.end, "save_every": old.save_every})
 
 
 def _starting_state(scene: Scene, scheme: Any, result: Result) -> tuple[State, list[float]]:

@@ -174,11 +174,11 @@ class Scene:
             value, wanted = getattr(self, name), getattr(self.model, name)
             if not isinstance(value, wanted):
                 raise ParameterError(name, f"expected {wanted.__name__} for the model {self.model.name}, but got {describe(value)}.")
+        known = [quantity.name for quantity in self.model.quantities.values() if quantity.kind == "field"]
         for name in self.output.fields or ():
-            if name not in self.model.quantities:
-                hint = nearest(name, self.model.quantities)
-                known = ", ".join(self.model.quantities)
-                raise ParameterError("output.fields", f'the model {self.model.name} has no field "{name}"{hint} It has {known}.')
+            if name not in known:
+                text = f'the model {self.model.name} has no field "{name}"{nearest(name, known)} It has {", ".join(known)}.'
+                raise ParameterError("output.fields", text)
         self.model.check(self)
 
     def to_table(self) -> dict[str, Any]:

@@ -244,10 +244,10 @@ def integrate(scheme: Scheme, state: State, save_at: Sequence[float], control: C
         tracker.on_start(state, t_end)
     for target in save_at:
         while state.t < target:
+            if state.t in scheme.breaks and len(state.times) > 1:
+                state = restart(scheme, state, control)
             stop = min([target, *(b for b in (*scheme.breaks, *scheme.kinks) if b > state.t)])
             state = advance(scheme, state, stop, control)
-            if state.t == stop and stop in scheme.breaks:
-                state = restart(scheme, state, control)
             for tracker in trackers:
                 tracker.on_step(state)
         snapshot = scheme.observe(state.t, state.u[0])
@@ -279,7 +279,7 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
     if counters["steps"] >= control.max_steps:
         raise SolverError(
             f"the run needs more than max_steps = {control.max_steps} steps; it reached t = {state.t:.6g} with dt = {dt:.3g}. "
-            "Raise solver.max_steps or solver.rtol.",
+            "Raise solver.max_steps and resume, or start anew with a larger solver.rtol.",
             time=state.t,
             dt=dt,
         )
@@ -304,7 +304,7 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
             continue
         counters["steps"] += 1
         if control.dt is not None:
-            dt_next = control.dt
+            dt_next = min(control.dt, LARGEST_GROWTH * h)
         else:
             growth = min(factor, 1.0 if attempt else LARGEST_GROWTH)
             # A step shortened to land on a stop says little about the size that the error allows.
@@ -330,7 +330,8 @@ def try_step(scheme: Scheme, state: State, t: float, control: Control) -> Solved
     points = control.order + 1
     guess = predict(t, state.times[:points], state.u[:points])
     try:
-        solved = scheme.solve(t, alpha, past, guess)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what is not finite is refused below
+            solved = scheme.solve(t, alpha, past, guess)
     except FloatingPointError as error:
         raise StepFailure(f"floating-point error in the step: {error}") from error
     if not np.all(np.isfinite(solved.u)):

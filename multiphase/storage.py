@@ -14,7 +14,8 @@ import errno
 import itertools
 import json
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,55 @@ def read(path: PathName) -> Result:
         raise
     except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:
         raise _damaged(path, str(error)) from error
+
+
+def check_target(path: Path, name: str = "output.file") -> None:
+    """Refuse, before any work, a file that cannot be written; raises ParameterError."""
+    why = ""
+    if path.is_dir():
+        why = "it is a folder"
+    elif path.exists() and not path.is_file():
+        why = "it is not an ordinary file"
+    elif path.is_symlink() and not path.exists():
+        why = "it is a link to nothing"
+    elif not path.parent.is_dir():
+        why = "its folder does not exist"
+    else:
+        probe = path.with_name(f".{path.name}.{os.getpid()}.probe")
+        try:
+            probe.touch()
+            probe.unlink()
+        except OSError as error:
+            why = f"nothing can be written to its folder ({error.strerror})"
+    if why:
+        raise ParameterError(name, f"{path} cannot be written: {why}.")
+
+
+@contextmanager
+def claimed(path: Path | None) -> Iterator[None]:
+    """Hold `path` for one run at a time; raises ParameterError while another process does. A dead process holds nothing.
+
+    Where the system has no file locks (Windows), nothing is held.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        path = None
+    if path is None:
+        yield
+        return
+    lock = path.with_name(f".{path.name}.lock")
+    with open(lock, "w", encoding="utf-8") as handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ParameterError("output.file", f"another run is writing {path}; wait for its end, or take -o for another name.") from None
+        except OSError:  # a file system without locks
+            pass
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
 
 
 def replace_file(path: Path, content: bytes) -> None:

@@ -208,13 +208,14 @@ class WallTime(Tracker):
 class SteadyState(Tracker):
     """Stops the run when nothing changes any more.
 
-    Every stored field and scalar, but the balance defects, must change by less than `tolerance` times its largest value per
-    unit of time, from one output time to the next.
+    Every stored field and scalar, but the balance defects, must change by less than `tolerance` times its largest value of the run
+    per unit of time, from one output time to the next; values below 1e-12 count as zero.
     """
 
     def __init__(self, tolerance: float = 1e-6) -> None:
         self.tolerance = tolerance
         self._last: Snapshot | None = None
+        self._largest: dict[str, float] = {}
 
     def on_save(self, state: State, snapshot: Snapshot) -> None:
         last, self._last = self._last, snapshot
@@ -227,8 +228,9 @@ class SteadyState(Tracker):
             if name.startswith("defect_"):
                 continue
             before = then[name]
-            scale = float(np.max(np.abs(value)))
-            if scale > 0.0:
+            scale = max(self._largest.get(name, 0.0), float(np.max(np.abs(value))), float(np.max(np.abs(before))))
+            self._largest[name] = scale
+            if scale > 1e-12:
                 fastest = max(fastest, float(np.max(np.abs(value - before))) / scale / (snapshot.t - last.t))
         if fastest < self.tolerance:
             raise StopRun(f"a steady state was reached (largest relative rate {fastest:.2g} per unit of time)")

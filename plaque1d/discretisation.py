@@ -114,8 +114,10 @@ def necrotic_flux(n: Array, w: Array, V: float, xi: Array, n_wall: float | None,
     n_f = 0.5 * (n[:-1] + n[1:])
     u_n = eq.necrotic_velocity(V, n_f, w)
     v = u_n - xi * V
-    wave = eq.short_wave_velocity(u_n, n_f, w, nu_n, nu_m) - xi * V
-    excess_n, excess_w = eq.short_wave_excess_slopes(n_f, w, nu_n, nu_m)
+    n_s = np.clip(n_f, FLOOR, 1.0 - FLOOR)  # keeps the mean viscosity above 0 where the only viscous phase is absent
+    wave = eq.short_wave_velocity(u_n, n_s, w, nu_n, nu_m) - xi * V
+    excess_n, excess_w = eq.short_wave_excess_slopes(n_s, w, nu_n, nu_m)
+    excess_n = np.where(n_s == n_f, excess_n, 0.0)
     fast = np.abs(wave) > np.abs(v)
     s = np.where(fast, np.abs(wave), np.abs(v))
     sign = np.where(fast, np.sign(wave), np.sign(v))
@@ -131,6 +133,20 @@ def necrotic_flux(n: Array, w: Array, V: float, xi: Array, n_wall: float | None,
         d_w=n_bar * (n_f - 1.0) - 0.5 * jump * s_w,
         d_V=(1.0 - xi) * n_bar - 0.5 * jump * s_V,
     )
+
+
+def bounded(amounts: Array, L: float) -> Array:
+    """`amounts` L n brought into [0, L] with their sum kept: what lies outside is taken from, or given to, all cells in proportion
+    to what they have, or have room for.
+
+    The semi-discrete flux keeps the bounds, a step of BDF2 only to its error. Left alone, n below 0 would grow as n does.
+    """
+    inside = np.clip(amounts, 0.0, L)
+    excess = float(np.sum(amounts - inside))
+    if excess == 0.0:
+        return inside
+    room = inside if excess < 0.0 else L - inside
+    return inside + room * (excess / max(float(np.sum(room)), abs(excess)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -148,7 +148,10 @@ class Extension:
         """Call the user's function and set up what it returns."""
         if extra_terms is None:
             return
-        added = dict(extra_terms(self))
+        returned = extra_terms(self)
+        if not isinstance(returned, Mapping):
+            raise ParameterError("extra_terms", f"the function must return a mapping from equations to terms, but returned {returned!r}.")
+        added = dict(returned)
         known = ["n", "l", "w", *self.species]
         for name in added:
             if name not in known:
@@ -158,6 +161,22 @@ class Extension:
         self._equations = {name: -term for name, term in added.items() if name not in self.species}
         for name, species in self.species.items():
             self._equations[name] = species.terms - added[name] if name in added else species.terms
+        for name, term in added.items():
+            self._try(name, term)
+
+    def _try(self, name: str, term: Any) -> None:
+        """Refuse what is no FiPy term, or cannot be assembled on the mesh of its equation."""
+        from fipy.terms.term import Term
+
+        if not isinstance(term, Term | self.fipy.Variable):
+            raise ParameterError("extra_terms", f"what is added to {name!r} must be a FiPy term or variable, but is {term!r}.")
+        size = self.grid.cells - 1 if name == "w" else self.grid.cells
+        try:
+            value = np.asarray(term.value if isinstance(term, self.fipy.Variable) else (-term).justResidualVector(dt=1.0))
+        except Exception as error:  # FiPy raises many kinds
+            raise ParameterError("extra_terms", f"what is added to {name!r} cannot be assembled: {error} (is var= given?)") from error
+        if value.shape != (size,):
+            raise ParameterError("extra_terms", f"what is added to {name!r} has shape {value.shape}; this equation has ({size},).")
 
     def initial(self, u: Array, layout: Layout, L: float) -> None:
         """Write the initial products L s into the loop's vector."""

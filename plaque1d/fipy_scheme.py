@@ -285,6 +285,7 @@ class FipyScheme:
             if size * min(1.0, rate) <= NEWTON_TOLERANCE:
                 products[lay.integrals] = past[lay.integrals] + sources / alpha
                 self._bounds(x)
+                products[lay.n] = fv.bounded(products[lay.n], float(products[lay.L]))
                 return Solved(products, iteration)
             if iteration > 2 and rate > 2.0:
                 raise StepFailure(f"Newton's method diverges: update {size:.3g} after {last:.3g} (in units of the tolerance)")
@@ -327,13 +328,26 @@ class FipyScheme:
         return np.array([p.k_m * total + extra_n, p.k_l * total - extra_l, p.Psi_l(t, side=-1), x[lay.V] + change[lay.V]])
 
     def _bounds(self, x: Array) -> None:
-        """Refuse a step whose fractions leave [0, 1] by more than rtol, or whose modLDL falls below zero likewise."""
-        lay = self.layout
+        """Refuse a step after which the inviscid drag form is ill-posed, fractions leave [0, 1] by more than rtol, or modLDL falls below
+        zero likewise."""
+        lay, p = self.layout, self.parameters
         n, l = x[lay.n], x[lay.l]
+        cause = ""
+        if p.momentum == "drag":
+            lowest = float(np.min(eq.drag_diffusivity(n, eq.extra_stress(l, p.A, p.B, p.k), p.p_out)))
+            if lowest < 0.0:
+                cause = (
+                    f"momentum = drag is ill-posed where p_out - (1 - 2n) Sigma is negative, and it is {lowest:.3g} here; "
+                    f"raise p_out to A = {p.A:g}, or use momentum = interfacial"
+                )
+        if cause and p.nu_n == 0.0 and p.nu_m == 0.0:
+            raise StepFailure(cause)
         for name, low, high in (("n", n.min(), n.max()), ("l", l.min() / self._ldl_scale(l), 0.0)):
             if low < -self.rtol or high > 1.0 + self.rtol:
                 bad = low if low < -self.rtol else high
-                raise StepFailure(f"{name} = {bad:.6g} leaves its range by more than rtol = {self.rtol:g}")
+                raise StepFailure(
+                    f"{name} = {bad:.6g} leaves its range by more than rtol = {self.rtol:g}" + (f" ({cause})" if cause else "")
+                )
 
     # -- the loop's protocol ----------------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,14 +12,16 @@ import numpy as np
 from multiphase.errors import ParameterError
 from multiphase.model import Model, Panel, Quantity
 from multiphase.plan import Plan
+from multiphase.stepping import Snapshot, State, Tracker
 from plaque1d import equations as eq
 from plaque1d.parameters import PRESETS, PlaqueGeometry, PlaqueInitial, PlaqueParameters, PlaqueSolver, check
 
 if TYPE_CHECKING:
     from multiphase.result import Result
     from multiphase.scene import Scene
-    from multiphase.stepping import Tracker
     from plaque1d.extensions import ExtraTerms
+
+logger = logging.getLogger("multiphase")
 
 VELOCITY = {"length": 1, "time": -1}
 GROWTH_TO_WARN = 5.0
@@ -31,17 +34,17 @@ _QUANTITIES = (
     Quantity("u_n", "u_n", "velocity of the necrotic phase", VELOCITY),
     Quantity("u_m", "u_m", "velocity of the macrophages", VELOCITY),
     Quantity("p_n", "p_n", "pressure of the necrotic phase", {"pressure": 1}),
-    Quantity("L", "L", "width of the intima", {"length": 1}),
-    Quantity("L_rate", "L'", "growth rate of the width", VELOCITY),
-    Quantity("l_wall", "l(0)", "modified LDL at the endothelium", {"concentration": 1}),
-    Quantity("n_wall", "n(0)", "necrotic fraction at the endothelium"),
-    Quantity("n_total", r"\int n\,dx", "amount of the necrotic phase", {"length": 1}),
-    Quantity("c_total", r"\int c\,dx", "amount of macrophages", {"length": 1}),
-    Quantity("l_total", r"\int l\,dx", "amount of modified LDL", {"concentration": 1, "length": 1}),
-    Quantity("defect_L", r"\delta_L", "relative defect of the balance of the width"),
-    Quantity("defect_n", r"\delta_n", "relative defect of the balance of the necrotic phase"),
-    Quantity("defect_c", r"\delta_c", "relative defect of the balance of macrophages"),
-    Quantity("defect_l", r"\delta_l", "relative defect of the balance of modified LDL"),
+    Quantity("L", "L", "width of the intima", {"length": 1}, kind="scalar"),
+    Quantity("L_rate", "L'", "growth rate of the width", VELOCITY, kind="scalar"),
+    Quantity("l_wall", "l(0)", "modified LDL at the endothelium", {"concentration": 1}, kind="scalar"),
+    Quantity("n_wall", "n(0)", "necrotic fraction at the endothelium", kind="scalar"),
+    Quantity("n_total", r"\int n\,dx", "amount of the necrotic phase", {"length": 1}, kind="scalar"),
+    Quantity("c_total", r"\int c\,dx", "amount of macrophages", {"length": 1}, kind="scalar"),
+    Quantity("l_total", r"\int l\,dx", "amount of modified LDL", {"concentration": 1, "length": 1}, kind="scalar"),
+    Quantity("defect_L", r"\delta_L", "relative defect of the balance of the width", kind="scalar"),
+    Quantity("defect_n", r"\delta_n", "relative defect of the balance of the necrotic phase", kind="scalar"),
+    Quantity("defect_c", r"\delta_c", "relative defect of the balance of macrophages", kind="scalar"),
+    Quantity("defect_l", r"\delta_l", "relative defect of the balance of modified LDL", kind="scalar"),
 )
 
 _PANELS = (
@@ -58,6 +61,11 @@ def _check(scene: Scene) -> None:
     if scene.output.vtk:
         raise ParameterError("output.vtk", "a copy for ParaView is for models in two dimensions; export the plaque as .csv instead.")
     check(scene.parameters, scene.initial)
+    solver, end = scene.solver, scene.time.end
+    if solver.dt is not None and end / solver.dt > solver.max_steps:
+        raise ParameterError(
+            "solver.dt", f"{solver.dt:g} needs {end / solver.dt:.3g} steps to the end, more than max_steps = {solver.max_steps}."
+        )
 
 
 def _plan(scene: Scene) -> Plan:
@@ -90,24 +98,59 @@ def _plan(scene: Scene) -> Plan:
     )
 
 
-def drag_warning(p: PlaqueParameters, initial: PlaqueInitial, t_end: float) -> tuple[str, ...]:
-    """A sentence when the drag form grows short waves by more than exp(5) until the end, judged from the initial state.
+def _short_wave_rate(p: PlaqueParameters, n: Any, l: Any) -> float:
+    """Largest growth rate of short waves in the drag form, ``((1 - 2n) Sigma - p_out) / (nu_m n + nu_n c)``; 0 where none grow."""
+    diffusivity = eq.drag_diffusivity(n, eq.extra_stress(l, p.A, p.B, p.k), p.p_out)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rates = -diffusivity / np.asarray(eq.mean_viscosity(n, p.nu_n, p.nu_m))
+    return max(0.0, float(np.max(np.where(diffusivity < 0.0, rates, 0.0))))
 
-    Short waves grow at ``((1 - 2n) Sigma - p_out) / (nu_m n + nu_n c)``.
-    """
-    if p.momentum != "drag" or (p.nu_n == 0.0 and p.nu_m == 0.0):
+
+def drag_warning(p: PlaqueParameters, initial: PlaqueInitial, t_end: float) -> tuple[str, ...]:
+    """A sentence when the drag form grows short waves by more than exp(5) until the end, judged from the initial state."""
+    if p.momentum != "drag":
         return ()
     xi = np.linspace(0.0, 1.0, 201)
-    n, l = initial.n(x=initial.L * xi, xi=xi), initial.l(x=initial.L * xi, xi=xi)
-    diffusivity = eq.drag_diffusivity(n, eq.extra_stress(l, p.A, p.B, p.k), p.p_out)
-    with np.errstate(divide="ignore"):
-        rate = float(np.max(-diffusivity / eq.mean_viscosity(n, p.nu_n, p.nu_m)))
+    rate = _short_wave_rate(p, initial.n(x=initial.L * xi, xi=xi), initial.l(x=initial.L * xi, xi=xi))
     if rate * t_end <= GROWTH_TO_WARN:
         return ()
     return (
         f"momentum = drag is ill-posed for short waves here: they grow like exp({rate:.3g} t), {rate * t_end:.3g} e-foldings by the end, "
-        f"so finer meshes do not converge. parameters.p_out of {p.A:g} (A) or more, or momentum = interfacial, cures it.",
+        f"so finer meshes do not converge. {_cure(p)}",
     )
+
+
+def _cure(p: PlaqueParameters) -> str:
+    return f"parameters.p_out of {p.A:g} (A) or more, or momentum = interfacial, cures it."
+
+
+class ShortWaves(Tracker):
+    """Warns once when short waves of the drag form may have grown by more than exp(5) since the start of the run."""
+
+    def __init__(self, parameters: PlaqueParameters) -> None:
+        self._parameters = parameters
+        self._growth: float | None = 0.0
+        self._last = 0.0
+
+    def on_save(self, state: State, snapshot: Snapshot) -> None:
+        if self._growth is None:
+            return
+        rate = _short_wave_rate(self._parameters, snapshot.fields["n"], snapshot.fields["l"])
+        self._growth += rate * (snapshot.t - self._last)
+        self._last = snapshot.t
+        if self._growth > GROWTH_TO_WARN:
+            logger.warning(
+                "momentum = drag has become ill-posed for short waves by t = %.6g: where n is below 1/2 they have grown by some %.0f "
+                "e-foldings, so finer meshes do not converge. %s",
+                snapshot.t,
+                self._growth,
+                _cure(self._parameters),
+            )
+            self._growth = None
+
+
+def _trackers(scene: Scene) -> tuple[Tracker, ...]:
+    return (ShortWaves(scene.parameters),) if scene.parameters.momentum == "drag" else ()
 
 
 def _scheme(scene: Scene, plan: Plan, *, extra_terms: ExtraTerms | None = None) -> Any:
@@ -130,7 +173,7 @@ def _summary(result: Result) -> list[tuple[str, str]]:
     width = float(result["L"][-1])
     core = "n not stored"
     if "n" in result.fields:
-        fraction = float(np.mean(result["n"][-1] > 0.9))
+        fraction = float(np.mean(result["n"][-1] > 0.9 + 1e-9))
         core = f"n > 0.9 in {100.0 * fraction:.0f} % of the width, n from {result['n'][-1].min():.3f} to {result['n'][-1].max():.3f}"
     defects = ", ".join(f"{name[7:]} {np.max(np.abs(result[name])):.0e}" for name in ("defect_L", "defect_n", "defect_c", "defect_l"))
     return [
@@ -161,6 +204,7 @@ MODEL = Model(
     scheme=_scheme,
     summary=_summary,
     ends=("lumen | endothelium", "media"),
+    trackers=_trackers,
 )
 
 

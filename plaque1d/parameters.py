@@ -7,19 +7,22 @@ of plasma LDL, pressures in b D_l with b the drag between the phases.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 import numpy as np
 
 from multiphase.errors import ParameterError
-from multiphase.functions import PositionFunction
+from multiphase.functions import PositionFunction, TimeSeries
 from multiphase.model import Preset
 from multiphase.parameters import nearest, parameter, validate
 from plaque1d.equations import drag_diffusivity, extra_stress
 
 POSITIONS = 2001
 """Points of the initial state at which `check` looks."""
+
+LARGEST = 1e12
+"""Largest size of a value; more is a matter of wrong units, and squares of it soon overflow."""
 
 _ASSUMED = "assumed"
 
@@ -68,7 +71,7 @@ class PlaqueParameters:
     p_out: float = parameter(0.0, symbol="p_out", source=_ASSUMED, doc="the outer traction p_out")
     momentum: str = parameter("interfacial", symbol="-", choices=("interfacial", "drag"), doc="the form of the momentum equations")
     inner_wall: Any = parameter(  # noqa: RUF009
-        "no_gradient", symbol="n(0,t)", kind="number", choices=("no_gradient",), low=0.0, high=1.0, high_open=True,
+        "no_gradient", symbol="n(0,t)", kind="number", choices=("no_gradient",), low=0.0, low_open=True, high=1.0, high_open=True,
         doc="the condition on n at the endothelium",
     )  # fmt: skip
 
@@ -83,6 +86,13 @@ class PlaqueParameters:
                     f"{lam:g} with mu_{phase} = {mu:g} makes the viscosity nu_{phase} = 2 mu_{phase} + lambda_{phase} = {2.0 * mu + lam:g} "
                     f"negative; lambda_{phase} must be {-2.0 * mu:g} or more.",
                 )
+
+        if not isinstance(self.inner_wall, str) and self.nu_m == 0.0:
+            raise ParameterError(
+                f"{self.table}.inner_wall",
+                f"{self.inner_wall:g} cannot be imposed on macrophages without viscosity (mu_m and lambda_m 0): nothing of n enters at the "
+                'endothelium then. Write inner_wall = "no_gradient", or give the macrophages a viscosity.',
+            )
 
     @property
     def nu_n(self) -> float:
@@ -177,8 +187,8 @@ class PlaqueSolver:
     """
 
     method: str = parameter("auto", symbol="-", choices=("auto", "fipy"), doc="the method")
-    cells: int = parameter(100, symbol="N", low=4, doc="the number of cells")
-    rtol: float = parameter(1e-4, symbol="rtol", low=0.0, low_open=True, high=0.1, doc="the accuracy rtol")
+    cells: int = parameter(100, symbol="N", low=4, high=1_000_000, doc="the number of cells")
+    rtol: float = parameter(1e-4, symbol="rtol", low=1e-12, high=0.1, doc="the accuracy rtol")
     time_scheme: str = parameter("bdf2", symbol="-", choices=("bdf2", "backward-euler"), doc="the time scheme")
     dt: float | None = parameter(None, symbol="Δt", kind="number", low=0.0, low_open=True, doc="the fixed time step dt")
     max_steps: int = parameter(100_000, symbol="-", low=1, doc="the largest number of steps")
@@ -206,9 +216,14 @@ def check(parameters: PlaqueParameters, initial: PlaqueInitial) -> None:
         At ``initial.n`` or ``initial.l`` where the initial state leaves its range; at ``parameters.k`` where k < 1 meets l = 0; at
         ``parameters.momentum`` where the drag-only form without viscosity has a negative diffusivity.
     """
+    _check_sizes(parameters, initial)
     xi = np.linspace(0.0, 1.0, POSITIONS)
     x = initial.L * xi
-    n, l = _within(initial.n, x, xi, "n", 1.0), _within(initial.l, x, xi, "l", np.inf)
+    n, l = _within(initial.n, x, xi, "n", 1.0), _within(initial.l, x, xi, "l", LARGEST)
+    if parameters.B > 0.0 and np.max(l) > 1.0 and np.log10(parameters.B) + parameters.k * np.log10(np.max(l)) > 100.0:
+        raise ParameterError(
+            "parameters.k", f"{parameters.k:g} with B = {parameters.B:g} and l = {np.max(l):g} makes B l^k overflow; lower k or l."
+        )
     if parameters.k < 1.0 and np.any(l == 0.0):
         raise ParameterError(
             "parameters.k",
@@ -216,8 +231,7 @@ def check(parameters: PlaqueParameters, initial: PlaqueInitial) -> None:
             "Sigma = A/(1 + B l^k) is infinite at l = 0. Take k of 1 or more, or an initial l above 0 everywhere.",
         )
     if parameters.momentum == "drag" and parameters.nu_n == 0.0 and parameters.nu_m == 0.0:
-        with np.errstate(over="ignore"):  # a huge l^k means Sigma = 0
-            stress = extra_stress(l, parameters.A, parameters.B, parameters.k)
+        stress = extra_stress(l, parameters.A, parameters.B, parameters.k)
         diffusivity = drag_diffusivity(n, stress, parameters.p_out)
         i = int(np.argmin(diffusivity))
         if diffusivity[i] < 0.0:
@@ -227,6 +241,30 @@ def check(parameters: PlaqueParameters, initial: PlaqueInitial) -> None:
                 f"x = {x[i]:.6g} initially (n = {n[i]:.6g}, l = {l[i]:.6g}), so the equations have no solution that depends continuously "
                 f"on the data. Give a phase viscosity (mu_n or mu_m above 0), or raise p_out to A = {parameters.A:g} or more, or use "
                 'momentum = "interfacial".',
+            )
+
+
+def _check_sizes(parameters: PlaqueParameters, initial: PlaqueInitial) -> None:
+    """Refuse sizes that only a wrong unit explains, and positions outside of the intima."""
+    for table, part in (("parameters", parameters), ("initial", initial)):
+        for item in fields(part):
+            value = getattr(part, item.name)
+            listed = value.values if isinstance(value, TimeSeries) else value.listed if isinstance(value, PositionFunction) else (value,)
+            for number in listed:
+                if isinstance(number, float) and abs(number) > LARGEST:
+                    raise ParameterError(
+                        f"{table}.{item.name}",
+                        f"{number:g} is beyond {LARGEST:g}; everything here is dimensionless, so choose other units.",
+                    )
+    if not 1.0 / LARGEST <= initial.L <= LARGEST:
+        raise ParameterError("initial.L", f"{initial.L:g} must lie from {1.0 / LARGEST:g} to {LARGEST:g}; it is dimensionless.")
+    for name in ("n", "l"):
+        extent = getattr(initial, name).extent
+        if extent is not None and (extent[0] < 0.0 or extent[1] > initial.L * (1.0 + 1e-9)):
+            raise ParameterError(
+                f"initial.{name}",
+                f"its positions go from {extent[0]:g} to {extent[1]:g}, but the intima from 0 to L = {initial.L:g}; positions are "
+                "dimensionless, like L.",
             )
 
 

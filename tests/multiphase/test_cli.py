@@ -162,8 +162,10 @@ def test_a_run_that_cannot_go_on_exits_3_and_keeps_its_file(capsys: pytest.Captu
     assert err.count("\n") == 1
     assert "max_steps = 3" in err
     assert "is in run.h5" in err
-    assert "--resume" not in err  # the same scene would fail again, and another is refused
+    assert "larger time.end or solver.max_steps" in err  # the only changes with which --resume goes on
     assert multiphase.load("run.h5").status == "failed"
+    assert main(["run", "plaque", *SMALL, "--set", "solver.max_steps=3000", "--quiet", "-o", "run.h5", "--resume"]) == 0
+    assert multiphase.load("run.h5").status == "completed"
 
 
 def test_drag_warns_when_short_waves_grow(capsys: pytest.CaptureFixture[str]) -> None:
@@ -416,3 +418,75 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
         )
     assert found.returncode == 0
     assert found.stderr == ""
+
+
+def test_outputs_that_cannot_be_written_are_refused_before_any_work(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    main(["run", "plaque", *SMALL, "--quiet", "-o", "run.h5"])
+    Path("to-nothing.h5").symlink_to(tmp_path / "nothing" / "x.h5")
+    commands = [
+        ["run", "plaque", "-o", "nowhere/x.h5"],
+        ["run", "plaque", "-o", "/proc/x.h5"],
+        ["run", "plaque", "-o", "to-nothing.h5"],
+        ["plot", "run.h5", "-o", "/proc/a.png"],
+        ["animate", "run.h5", "-o", "nowhere/a.gif"],
+        ["export", "run.h5", "-o", "nowhere/a.csv"],
+        ["scenes", "plaque", "--copy", "/proc/a.toml"],
+    ]
+    capsys.readouterr()
+    for command in commands:
+        assert main(command) == 2
+        err = capsys.readouterr().err
+        assert "cannot be written" in err
+        assert err.count("\n") == 1
+
+
+def test_two_runs_do_not_share_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    from multiphase.storage import claimed
+
+    with claimed(Path("run.h5")):
+        assert main(["run", "plaque", *SMALL, "--quiet", "-o", "run.h5"]) == 2
+        assert "another run is writing run.h5" in capsys.readouterr().err
+    assert main(["run", "plaque", *SMALL, "--quiet", "-o", "run.h5"]) == 0
+    assert not list(Path().glob(".*.lock"))
+
+
+def test_the_drag_form_is_watched_during_the_run(caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]) -> None:
+    """n = 0.55 everywhere is well-posed at first; macrophages that enter bring n below 1/2 at the endothelium."""
+    drag = ["--set", "parameters.momentum=drag", "--set", "initial.n=0.55", "--set", "parameters.k_m=0", "--set", "initial.l=0.5"]
+    settings = ["--set", "solver.cells=10", "--set", "solver.rtol=1e-2", "--quiet"]
+    slow = ["--set", "parameters.mu_n=1e-3", "--set", "parameters.mu_m=1e-3", "--set", "time.end=0.9", "--set", "time.save_every=0.1"]
+    main(["run", "plaque", *settings, *drag, *slow, "-o", "viscous.h5"])
+    assert "has become ill-posed for short waves" in capsys.readouterr().err
+    inviscid = ["--set", "parameters.mu_n=0", "--set", "parameters.mu_m=0", "--set", "time.end=5"]
+    assert main(["run", "plaque", *settings, *drag, *inviscid, "-o", "inviscid.h5"]) == 3
+    assert "momentum = drag is ill-posed where" in capsys.readouterr().err
+
+
+def test_info_tells_where_an_interrupted_run_goes_on(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["run", "plaque", *SMALL, "--set", "solver.max_steps=3", "--quiet", "-o", "run.h5"])
+    capsys.readouterr()
+    main(["info", "run.h5"])
+    out = capsys.readouterr().out
+    assert "from where --resume goes on" in out
+    assert "1 time," in out
+
+
+@pytest.mark.parametrize(
+    ("change", "path"),
+    [
+        ("initial.l=1e200", "initial.l"),
+        ("parameters.Psi_l=1e300", "parameters.Psi_l"),
+        ("initial.L=1e-30", "initial.L"),
+        ("initial.n={at=[0.0, 100.0], values=[0.5, 0.9]}", "initial.n"),
+        ("solver.cells=100000000000", "solver.cells"),
+        ("solver.rtol=1e-20", "solver.rtol"),
+        ("solver.dt=1e-12", "solver.dt"),
+        ('output.fields=["L"]', "output.fields"),
+    ],
+)
+def test_sizes_that_cannot_be_meant_are_refused(change: str, path: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "plaque", "--set", change, "-o", "run.h5"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"multiphase: {path}")
+    assert err.count("\n") == 1
+    assert not Path("run.h5").exists()

@@ -425,3 +425,13 @@ def test_threads_are_those_asked_for() -> None:
 
     run(scene("time.end=0.01"), trackers=[Look()], threads=1)
     assert set(seen) == {1}
+
+
+def test_a_longer_run_keeps_the_default_spacing_of_its_times(tmp_path: Path) -> None:
+    file = tmp_path / "run.h5"
+    settings = {"cells": 8, "rtol": 1e-2, "file": file}
+    simulate(t_end=0.1, **settings)
+    longer = simulate(t_end=0.12, resume=True, **settings)
+    np.testing.assert_allclose(np.diff(longer.t), 0.002, rtol=1e-9)  # rounding of the times
+    again = simulate(t_end=0.12, resume=True, **settings)
+    assert len(again.t) == len(longer.t)

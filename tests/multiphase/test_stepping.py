@@ -243,8 +243,9 @@ def test_rejected_steps_are_counted_and_not_stored() -> None:
 
 
 def test_step_ratio_never_exceeds_two() -> None:
-    for save_at in ((0.0, 3.0), (0.0, 1e-4, 0.5, 0.501, 3.0)):
-        _, log = solve(line(), save_at)  # no error at all, so steps grow as fast as allowed
+    crowded = (0.0, 1e-4, 0.5, 0.501, 3.0)
+    for save_at, control in (((0.0, 3.0), Control()), (crowded, Control()), (crowded, Control(dt=0.05))):
+        _, log = solve(line(), save_at, control)  # no error at all, so steps grow as fast as allowed
         ratios = log.steps[1:] / log.steps[:-1]
         assert ratios.max() <= 2.0 * (1.0 + 1e-8)  # landing may stretch a step by 1e-9
         assert ratios.max() > 1.9
@@ -355,13 +356,30 @@ JUMP_EXACT = (math.exp(-JUMP) - 10.0) * math.exp(JUMP - 1.0) + 10.0
 def test_history_starts_anew_at_a_break() -> None:
     scheme = jumping(True)
     _, log = solve(scheme, (0.0, 1.0))
-    at = [state for state in log.states if state.t == JUMP]
-    assert len(at) == 1
-    assert at[0].times.tolist() == [JUMP]
-    assert at[0].u.shape == (1, 1)
+    assert sum(state.t == JUMP for state in log.states) == 1
     assert scheme.made_consistent == [JUMP]
+    after = next(state for state in log.states if state.t > JUMP)
+    assert after.times[1:].tolist() == [JUMP]  # nothing of before
     before = [state for state in log.states if state.t < JUMP][-1]
-    assert at[0].dt < 0.1 * before.dt
+    assert after.t - JUMP < 0.1 * before.dt
+
+
+def test_a_row_stored_at_a_break_is_from_before_it() -> None:
+    scheme = jumping(True)
+    _, log = solve(scheme, (0.0, JUMP, 1.0))
+    stored = next(snapshot for snapshot in log.saved if snapshot.t == JUMP)
+    reached = next(state for state in log.states if state.t == JUMP)
+    assert stored.scalars["y"] == reached.u[0, 0]
+    assert len(reached.times) == 3  # the history is forgotten when the run goes on
+
+
+def test_a_run_that_is_resumed_at_a_break_goes_on_as_if_it_had_not_stopped() -> None:
+    whole, _ = solve(jumping(True), (0.0, JUMP, 1.0))
+    control = Control()
+    scheme = jumping(True)
+    part = integrate(scheme, start(scheme, 0.0, JUMP, control), [0.0, JUMP], control)
+    part = integrate(jumping(True), State.from_arrays(part.to_arrays()), [1.0], control)
+    assert part.u.tobytes() == whole.u.tobytes()
 
 
 def test_fixed_steps_stay_second_order_across_a_break() -> None:

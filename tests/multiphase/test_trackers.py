@@ -25,6 +25,7 @@ class Decay:
     """y' = -y from 1 in two cells, and a scalar; the same Protocol as the models' schemes."""
 
     breaks: tuple[float, ...] = ()
+    kinks: tuple[float, ...] = ()
 
     def initial(self) -> Any:
         return np.array([1.0, 2.0])
@@ -273,8 +274,8 @@ def test_steady_state_stops_when_nothing_changes() -> None:
     control = Control(dt=0.1)
     with pytest.raises(StopRun, match="steady state"):
         integrate(Constant(), start(Constant(), 0.0, 1.0, control), save_at, control, [recorder, tracker])
-    # The change of the second cell from t to t + 1 is (e - 1) e^-(t+1), below 1e-3 first from 7 to 8.
-    assert recorder.collect().t[-1] == 8.0
+    # The change of the second cell, which starts at 2, from t to t + 1 is (e - 1) e^-(t+1), below 2e-3 first from 6 to 7.
+    assert recorder.collect().t[-1] == 7.0
 
 
 def test_steady_state_counts_rates_per_unit_of_time() -> None:
@@ -290,3 +291,16 @@ def test_steady_state_looks_at_scalars_too() -> None:
     tracker = SteadyState(1e-3)
     for t in (0.0, 1.0, 2.0):
         tracker.on_save(state_at(t), snapshot(t, 1.0, L=1.0 + t))
+
+
+def test_steady_state_measures_against_the_run_and_not_against_noise() -> None:
+    tracker = SteadyState(1e-3)
+    state = State(times=np.array([0.0]), u=np.zeros((1, 1)), dt=1.0)
+
+    def snapshot(t: float, y: float, noise: float) -> Snapshot:
+        return Snapshot(t, {"y": y, "noise": noise}, {}, np.zeros(1))
+
+    tracker.on_save(state, snapshot(0.0, 1.0, 1e-28))
+    tracker.on_save(state, snapshot(1.0, 1e-2, 5e-28))
+    with pytest.raises(StopRun, match="steady state"):
+        tracker.on_save(state, snapshot(2.0, 1e-3 + 1e-2 - 1e-3 - 5e-4, 1e-27))  # 5e-4 of the largest, 1; noise does not count

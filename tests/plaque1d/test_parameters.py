@@ -77,7 +77,8 @@ def test_unknown_preset() -> None:
     ("name", "value"),
     [
         ("Psi_l", -1), ("Psi_m", -1), ("k_l", -1), ("k_m", -1), ("b", 0), ("b", -1), ("mu_n", -1), ("mu_m", -1), ("A", -1), ("B", -1),
-        ("k", 0), ("momentum", "darcy"), ("inner_wall", 1), ("inner_wall", -0.1), ("inner_wall", "free"), ("k_m", float("nan")),
+        ("k", 0), ("momentum", "darcy"), ("inner_wall", 1), ("inner_wall", 0), ("inner_wall", -0.1), ("inner_wall", "free"),
+        ("k_m", float("nan")),
         ("lambda_n", -0.0101), ("lambda_m", -0.0101), ("p_out", float("inf")),
     ],
 )  # fmt: skip
@@ -89,7 +90,7 @@ def test_parameters_refused(name: str, value: Any) -> None:
 
 def test_parameters_allowed_at_their_bounds() -> None:
     zeros = dict.fromkeys(("Psi_l", "Psi_m", "k_l", "k_m", "mu_n", "mu_m", "A", "B"), 0.0)
-    inviscid = PlaqueParameters(**zeros, inner_wall=0.0, p_out=-1.0)
+    inviscid = PlaqueParameters(**zeros, p_out=-1.0)
     assert inviscid.nu == (inviscid.nu_n, inviscid.nu_m) == (0.0, 0.0)
     assert PlaqueParameters(mu_n=1.0, lambda_n=-2.0).nu_n == 0.0
     assert PlaqueParameters(mu_m=1.0, lambda_m=0.5).nu_m == 2.5
