@@ -17,10 +17,10 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SCHEME, FV, LAWS = "plaque1d/fipy_scheme.py", "plaque1d/discretisation.py", "plaque1d/equations.py"
+SCHEME, TERMS, FV, LAWS = "plaque1d/fipy_scheme.py", "plaque1d/fipy_terms.py", "plaque1d/discretisation.py", "plaque1d/equations.py"
 
 MUTATIONS: list[tuple[str, str, str, str, str]] = [
-    ("n (3.10a)", "time derivative", SCHEME, "fipy.TransientTerm(coeff=width, var=n)", "-fipy.TransientTerm(coeff=width, var=n)"),
+    ("n (3.10a)", "time derivative", TERMS, "fipy.TransientTerm(coeff=width, var=n)", "-fipy.TransientTerm(coeff=width, var=n)"),
     ("n (3.10a)", "advection by V", LAWS, "return V - (1.0 - n) * w", "return -V - (1.0 - n) * w"),
     ("n (3.10a)", "advection by the slip", LAWS, "return V - (1.0 - n) * w", "return V + (1.0 - n) * w"),
     ("n (3.10a)", "motion of the grid", FV, "v = u_n - xi * V", "v = u_n + xi * V"),

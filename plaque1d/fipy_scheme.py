@@ -17,9 +17,6 @@ linearised step, so the balances of mass close to rounding whatever the toleranc
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -32,6 +29,7 @@ from multiphase.stepping import Snapshot, Solved, StepFailure
 from plaque1d import discretisation as fv
 from plaque1d import equations as eq
 from plaque1d.extensions import Extension, ExtraTerms
+from plaque1d.fipy_terms import NecroticTransport, cell_averages, closed, import_fipy, without_rounding
 from plaque1d.parameters import PlaqueInitial, PlaqueParameters
 from plaque1d.tangent import Layout, tangent
 
@@ -40,59 +38,6 @@ Array = NDArray[np.float64]
 NEWTON_ITERATIONS = 12
 NEWTON_TOLERANCE = 3e-3
 """Size of the error left by the iteration, as a fraction of the tolerated local error."""
-
-
-def import_fipy() -> Any:
-    """FiPy with its SciPy solvers; it reads the command line and the environment as it is imported."""
-    if "fipy" not in sys.modules:
-        arguments, sys.argv = sys.argv, sys.argv[:1]
-        os.environ.setdefault("FIPY_SOLVERS", "scipy")
-        try:
-            import fipy
-        finally:
-            sys.argv = arguments
-    import fipy
-
-    return fipy
-
-
-def cell_averages(function: Callable[..., Array], grid: MovingGrid, L: float) -> Array:
-    """Averages over the cells of a function of x and xi, by Gauss's rule of three points."""
-    points, weights = np.polynomial.legendre.leggauss(3)
-    xi = grid.centres[:, None] + 0.5 * grid.spacing * points
-    values = np.asarray(function(x=L * xi.ravel(), xi=xi.ravel()), dtype=float).reshape(xi.shape)
-    return values @ (0.5 * weights)
-
-
-class NecroticTransport:
-    """The FiPy equation ``(L n)_t + (n (u - xi V))_xi = ...`` with velocities given on the faces.
-
-    Parameters
-    ----------
-    fipy : module
-    mesh : fipy Grid1D over xi in [0, 1]
-    n, width : fipy.CellVariable with hasOld
-        The fraction and L (uniform).
-    """
-
-    def __init__(self, fipy: Any, mesh: Any, n: Any, width: Any) -> None:
-        self._n = n
-        self._velocity = fipy.FaceVariable(mesh=mesh, rank=1, value=0.0)
-        self._correction = fipy.FaceVariable(mesh=mesh, rank=1, value=0.0)
-        self.terms = (
-            fipy.TransientTerm(coeff=width, var=n) + fipy.UpwindConvectionTerm(coeff=self._velocity, var=n) + self._correction.divergence
-        )
-
-    def set_flux(self, velocity: Array, flux: Array) -> None:
-        """Velocity relative to the moving faces, and the total flux of n, both (N+1,). The implicit upwind term takes the
-        part that the interior velocity carries; the rest of the flux, and all of it at both ends, is explicit."""
-        inner = velocity.copy()
-        inner[[0, -1]] = 0.0
-        n = self._n.value
-        upwind = np.zeros_like(flux)
-        upwind[1:-1] = np.maximum(inner[1:-1], 0.0) * n[:-1] + np.minimum(inner[1:-1], 0.0) * n[1:]
-        self._velocity.setValue(inner[None, :])
-        self._correction.setValue((flux - upwind)[None, :])
 
 
 class FipyScheme:
@@ -174,11 +119,11 @@ class FipyScheme:
             s = fv.slip(n, l, V, p)
         self._load_fields(t, past, x)
         self._w.setValue(w)
-        self._transport.set_flux(_closed(F.velocity), _closed(F.value))
+        self._transport.set_flux(closed(F.velocity), closed(F.value))
         self._uptake.setValue(p.k_m * L * l)
         self._consumption.setValue(p.k_l * L * (1.0 - n))
-        self._ldl_velocity.setValue(_closed(G.velocity)[None, :])
-        self._ldl_conductance.setValue(_closed(G.conductance * h))
+        self._ldl_velocity.setValue(closed(G.velocity)[None, :])
+        self._ldl_conductance.setValue(closed(G.conductance * h))
         inner = np.zeros(lay.cells)
         inner[0] = p.Psi_l(t, side=-1) / h
         self._influx.setValue(inner)
@@ -236,7 +181,7 @@ class FipyScheme:
         largest = float(np.max(parts[1].conductance)) + alpha * L
         for part, gain in ((lay.n, p.k_m * uptake), (lay.l, p.Psi_l(t, side=-1) - p.k_l * uptake)):
             total = h * alpha * float(np.sum(L * x[part] - past[part])) - gain
-            out[part] = _without_rounding(out[part], total, largest * float(np.max(np.abs(x[part]))))
+            out[part] = without_rounding(out[part], total, largest * float(np.max(np.abs(x[part]))))
         out[lay.L] = alpha * (L - past[lay.L]) - V
         l_wall = eq.wall_concentration(float(x[lay.l][0]), 0.5 * self.grid.spacing * L, p.Psi_l(t, side=-1), p.Psi_m)
         out[lay.V] = V - eq.growth_rate(l_wall, p.Psi_m)
@@ -443,20 +388,3 @@ class FipyScheme:
         values = {"n_total": totals[0], "c_total": totals[1], "l_total": totals[2]}
         values |= {f"defect_{name}": relative[i] for i, name in enumerate(("n", "c", "l", "L"))}
         return {name: float(value) for name, value in values.items()}
-
-
-def _without_rounding(residual: Array, total: float, size: float) -> Array:
-    """`residual` shifted evenly so that it adds up to `total`, as its fluxes do in exact arithmetic.
-
-    FiPy's rows are differences of terms of order `size`, so the fluxes of thin cells leave rounding that would add up over a run. More
-    than rounding is not touched.
-    """
-    defect = total - float(np.sum(residual))
-    if abs(defect) > 1e3 * np.finfo(float).eps * len(residual) * size:
-        return residual
-    return residual + defect / len(residual)
-
-
-def _closed(inner: Array) -> Array:
-    """Interior face values with zero at both ends."""
-    return np.concatenate([[0.0], inner, [0.0]])

@@ -7,7 +7,7 @@ import pytest
 
 from multiphase.geometry import MovingGrid
 from multiphase.stepping import formula
-from plaque1d.fipy_scheme import NecroticTransport, import_fipy
+from plaque1d.fipy_terms import NecroticTransport, import_fipy
 
 
 def _transport(velocity, widths, times, let_through):
