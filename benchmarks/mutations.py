@@ -62,7 +62,7 @@ def first_failure(tree: Path, tests: list[str]) -> str:
     try:
         output = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False).stdout
     except subprocess.TimeoutExpired as expired:
-        output = (expired.stdout or b"").decode() + " FAILED"
+        output = (expired.stdout or b"").decode().rstrip() + " FAILED"
     found = re.findall(r"test_(\w+)\.py::(\S+(?: [^F\n]\S*)*) (?:FAILED|ERROR)", output)
     return "none" if not found else f"{found[0][0]}: {found[0][1]}"
 
