@@ -17,17 +17,18 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SCHEME, TERMS, FV, LAWS = "plaque1d/fipy_scheme.py", "plaque1d/fipy_terms.py", "plaque1d/discretisation.py", "plaque1d/equations.py"
+SCHEME, TERMS, FV = "plaque1d/fipy_scheme.py", "plaque1d/fipy_terms.py", "plaque1d/discretisation.py"
+LAWS, GRID = "plaque1d/equations.py", "multiphase/geometry.py"
 
 MUTATIONS: list[tuple[str, str, str, str, str]] = [
     ("n (3.10a)", "time derivative", TERMS, "fipy.TransientTerm(coeff=width, var=n)", "-fipy.TransientTerm(coeff=width, var=n)"),
     ("n (3.10a)", "advection by V", LAWS, "return V - (1.0 - n) * w", "return -V - (1.0 - n) * w"),
     ("n (3.10a)", "advection by the slip", LAWS, "return V - (1.0 - n) * w", "return V + (1.0 - n) * w"),
-    ("n (3.10a)", "motion of the grid", FV, "v = u_n - xi * V", "v = u_n + xi * V"),
+    ("n (3.10a)", "motion of the grid", GRID, "return velocity - xi * wall_speed", "return velocity + xi * wall_speed"),
     ("n (3.10a)", "damping of short waves", FV, "value=v * n_bar - 0.5 * s * jump", "value=v * n_bar + 0.5 * s * jump"),
     ("n (3.10a)", "death of macrophages, k_m", SCHEME, "self._uptake.setValue(p.k_m", "self._uptake.setValue(-p.k_m"),
     ("l (3.10b)", "time derivative", SCHEME, "fipy.TransientTerm(coeff=self._L", "-fipy.TransientTerm(coeff=self._L"),
-    ("l (3.10b)", "advection by V - xi V", FV, "velocity = (1.0 - xi) * V", "velocity = -(1.0 - xi) * V"),
+    ("l (3.10b)", "advection by V - xi V", FV, "velocity = relative_velocity(V, xi, V)", "velocity = -relative_velocity(V, xi, V)"),
     ("l (3.10b)", "diffusion", SCHEME, "- fipy.DiffusionTerm(coeff=self._ldl", "+ fipy.DiffusionTerm(coeff=self._ldl"),
     ("l (3.10b)", "influx Psi_l", SCHEME, "inner[0] = p.Psi_l", "inner[0] = -p.Psi_l"),
     ("l (3.10b)", "uptake, k_l", SCHEME, "self._consumption.setValue(p.k_l", "self._consumption.setValue(-p.k_l"),

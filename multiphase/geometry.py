@@ -21,6 +21,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def relative_velocity(velocity: Array | float, xi: Array, wall_speed: float) -> Array:
+    """Velocity ``u - xi V`` of the material through the moving faces at `xi`."""
+    return velocity - xi * wall_speed
+
+
 @dataclass(frozen=True)
 class MovingGrid:
     """Equal cells in xi = x / L on [0, 1].
@@ -46,14 +51,6 @@ class MovingGrid:
     def centres(self) -> Array:
         """Centres in xi, (cells,)."""
         return (np.arange(self.cells) + 0.5) / self.cells
-
-    def relative_velocity(self, velocity: Array | float, wall_speed: float) -> Array:
-        """Velocity through the moving faces, ``u - xi V``, (cells + 1,)."""
-        return velocity - self.faces * wall_speed
-
-    def integral(self, density: Array, width: float) -> float:
-        """Integral over the body of cell averages, ``L h sum``."""
-        return width * self.spacing * float(np.sum(density))
 
     def to_centres(self, at_faces: Array) -> Array:
         """Face values averaged to cell centres, (cells,)."""

@@ -68,7 +68,6 @@ class Model:
     parameters, initial, geometry, solver : type
         Frozen dataclasses made of `multiphase.parameters.parameter` fields: one scene table each.
     presets : mapping of str to Preset
-    default_preset : str
     quantities : mapping of str to Quantity
         Every field and scalar the model can report.
     panels : tuple of Panel
@@ -96,7 +95,6 @@ class Model:
     geometry: type
     solver: type
     presets: Mapping[str, Preset]
-    default_preset: str
     quantities: Mapping[str, Quantity]
     panels: tuple[Panel, ...]
     film: str

@@ -30,6 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from multiphase.geometry import relative_velocity
 from plaque1d import equations as eq
 from plaque1d.parameters import PlaqueParameters
 
@@ -113,9 +114,9 @@ def necrotic_flux(n: Array, w: Array, V: float, xi: Array, n_wall: float | None,
     n_bar, jump = 0.5 * (r.left + r.right), r.right - r.left
     n_f = 0.5 * (n[:-1] + n[1:])
     u_n = eq.necrotic_velocity(V, n_f, w)
-    v = u_n - xi * V
+    v = relative_velocity(u_n, xi, V)
     n_s = np.clip(n_f, FLOOR, 1.0 - FLOOR)  # keeps the mean viscosity above 0 where the only viscous phase is absent
-    wave = eq.short_wave_velocity(u_n, n_s, w, nu_n, nu_m) - xi * V
+    wave = relative_velocity(eq.short_wave_velocity(u_n, n_s, w, nu_n, nu_m), xi, V)
     excess_n, excess_w = eq.short_wave_excess_slopes(n_s, w, nu_n, nu_m)
     excess_n = np.where(n_s == n_f, excess_n, 0.0)
     fast = np.abs(wave) > np.abs(v)
@@ -167,7 +168,7 @@ def ldl_flux(l: Array, L: float, V: float, xi: Array, h: float, diffusivity: flo
 
     `conductance` is the coefficient of the difference over a face.
     """
-    velocity = (1.0 - xi) * V
+    velocity = relative_velocity(V, xi, V)
     diffusive = diffusivity / (h * L)
     upwind = 0.5 * np.abs(velocity) > diffusive
     conductance = np.where(upwind, 0.5 * np.abs(velocity), diffusive)

@@ -163,10 +163,10 @@ def dispersion_matrix(
 
         s = eig [ -G D1 - k_m l ,  G n c Sigma' + k_m c ;  k_l l ,  -q^2 - k_l c ].
     """
-    c = 1.0 - n
-    at = np.array([l])
-    stress = float(extra_stress(at, A, B, k)[0])
+    c, at, fraction = 1.0 - n, np.array([l]), np.array([n])
+    stress = extra_stress(at, A, B, k)
     slope = float(extra_stress_slope(at, A, B, k)[0])
     G = q * q / (b + mean_viscosity(n, nu_n, nu_m) * q * q)
-    D1 = n * stress if momentum == "interfacial" else p_out - (1.0 - 2.0 * n) * stress
+    diffusivity = interfacial_diffusivity(fraction, stress) if momentum == "interfacial" else drag_diffusivity(fraction, stress, p_out)
+    D1 = float(diffusivity[0])
     return np.array([[-G * D1 - k_m * l, G * n * c * slope + k_m * c], [k_l * l, -q * q - k_l * c]])

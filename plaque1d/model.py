@@ -194,7 +194,6 @@ MODEL = Model(
     geometry=PlaqueGeometry,
     solver=PlaqueSolver,
     presets=PRESETS,
-    default_preset="demo",
     quantities={q.name: q for q in _QUANTITIES},
     panels=_PANELS,
     film="n",

@@ -16,7 +16,7 @@ from multiphase.errors import ParameterError
 from multiphase.functions import PositionFunction, TimeSeries
 from multiphase.model import Preset
 from multiphase.parameters import nearest, parameter, validate
-from plaque1d.equations import drag_diffusivity, extra_stress
+from plaque1d.equations import drag_diffusivity, extra_stress, viscosity
 
 POSITIONS = 2001
 """Points of the initial state at which `check` looks."""
@@ -97,12 +97,12 @@ class PlaqueParameters:
     @property
     def nu_n(self) -> float:
         """Viscosity of the necrotic phase in one dimension, 2 mu_n + lambda_n."""
-        return 2.0 * self.mu_n + self.lambda_n
+        return viscosity(self.mu_n, self.lambda_n)
 
     @property
     def nu_m(self) -> float:
         """Viscosity of the macrophages in one dimension, 2 mu_m + lambda_m."""
-        return 2.0 * self.mu_m + self.lambda_m
+        return viscosity(self.mu_m, self.lambda_m)
 
     @property
     def nu(self) -> tuple[float, float]:

@@ -68,7 +68,7 @@ def unused(*args: Any, **options: Any) -> Any:
 
 
 MODEL = Model(
-    name="toy", title="Toy", parameters=Growth, initial=Start, geometry=Shape, solver=Solver, default_preset="slow",
+    name="toy", title="Toy", parameters=Growth, initial=Start, geometry=Shape, solver=Solver,
     presets={
         "slow": Preset("slow", {}, {}, None, "assumed"),
         "mouse": Preset(
