@@ -239,6 +239,36 @@ def _compare(options: argparse.Namespace) -> int:
     return EXCEEDED if options.tol is not None and comparison.exceeds(options.tol) else DONE
 
 
+def _precision(options: argparse.Namespace) -> int:
+    from multiphase.precision import check_folder, choices, parse_list, study
+    from multiphase.scene import load_scene
+
+    scene = load_scene(options.scene, options.set)
+    chosen = choices(
+        scene,
+        methods=None if options.methods is None else parse_list(options.methods, "--methods"),
+        cells=None if options.cells is None else parse_list(options.cells, "--cells", int),
+        rtols=None if options.rtols is None else parse_list(options.rtols, "--rtols", float),
+    )
+    if options.output == "":
+        raise ParameterError("-o", "the name of the folder is empty.")
+    folder = Path(options.output or f"{scene.name}-precision")
+    check_folder(folder)
+    found = study(
+        scene,
+        methods=chosen.methods,
+        cells=chosen.cells,
+        rtols=chosen.rtols,
+        repeats=options.repeats,
+        budget=options.budget,
+        progress=lambda line: print(line, file=sys.stderr, flush=True),
+    )
+    print(found.table())
+    for path in found.save(folder):
+        print(f"{path} written")
+    return DONE if any(row.status == "completed" for row in found.measurements) else FAILED
+
+
 def _export(options: argparse.Namespace) -> int:
     from multiphase.export import export
     from multiphase.result import load
@@ -342,6 +372,16 @@ def _parser() -> argparse.ArgumentParser:
     compare = add("compare", _compare, "differences of two results on their common times and positions", a=result, b=result)
     compare.add_argument("--tol", type=_tolerance, metavar="X", help="exit 1 when a difference relative to its scale exceeds X")
     compare.add_argument("--json", **json_flag)
+    precision = add("precision", _precision, "speed against error of a scene: every method, several cells and tolerances")
+    takes_scene(precision)
+    precision.add_argument("-o", "--output", metavar="FOLDER", help="where the table, the CSV file and the picture go (SCENE-precision)")
+    precision.add_argument("--repeats", type=_positive_integer, default=5, metavar="N", help="runs of each; slow ones get 2 (5)")
+    precision.add_argument("--cells", metavar="N,N,...", help="numbers of cells (25,50,100,200)")
+    precision.add_argument("--rtols", metavar="X,X,...", help="tolerances (1e-3,1e-4,1e-5)")
+    precision.add_argument("--methods", metavar="NAME,...", help="methods (all)")
+    precision.add_argument(
+        "--budget", type=_tolerance, default=120.0, metavar="SECONDS", help="time for all runs; what exceeds it is left out"
+    )
     export = add("export", _export, "write a result in another format", file=result)
     export.add_argument("-o", "--output", metavar="TABLE.csv", required=True)
     export.add_argument("--dimensionless", action="store_true", help="leave the scene's scales aside")

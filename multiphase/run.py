@@ -225,12 +225,12 @@ def _starting_state(scene: Scene, scheme: Any, result: Result) -> tuple[State, l
             "--resume", f"the stored state has {state.u.shape[1]} values, this run {size}: was it made with other extra_terms?"
         )
     last = float(result.t[-1]) if result.t.size else -1.0
-    return state, [t for t in save_at if t > last and t >= state.t]
+    return state, [t for t in save_at if t > last and t >= state.times[-1]]
 
 
 def _control(scene: Scene) -> Control:
     solver = scene.solver
-    return Control(order=2 if solver.time_scheme == "bdf2" else 1, dt=solver.dt, max_steps=solver.max_steps)
+    return Control(order=1 if solver.time_scheme == "backward-euler" else 2, dt=solver.dt, max_steps=solver.max_steps)
 
 
 def _describe(result: Result, scene: Scene, plan: Plan, scheme: Any, threads: int) -> None:

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +88,30 @@ class Scheme(Protocol):
 
     def error_norm(self, error: Array, u: Array) -> float:
         """Weighted norm of a local error; 1 is the tolerance."""
+
+    def observe(self, t: float, u: Array) -> Snapshot:
+        """What is stored of the vector `u`."""
+
+
+@runtime_checkable
+class Integrator(Protocol):
+    """A discretisation with a time integrator of its own, which advances between the loop's stops.
+
+    `breaks`, `kinks`, `initial`, `consistent` and `observe` are those of `Scheme`. Its state holds points of the last step,
+    newest first, whose polynomial is the solution in between.
+    """
+
+    breaks: tuple[float, ...]
+    kinks: tuple[float, ...]
+
+    def initial(self) -> Array:
+        """The initial vector, algebraic part included."""
+
+    def consistent(self, t: float, u: Array) -> Array:
+        """`u` with its algebraic part made consistent with the data just after time `t`."""
+
+    def advance(self, state: State, stop: float, wanted: float, control: Control) -> State:
+        """Take steps, none beyond `stop`, and return after the first that reaches or passes `wanted`, or before; raises SolverError."""
 
     def observe(self, t: float, u: Array) -> Snapshot:
         """What is stored of the vector `u`."""
@@ -205,27 +229,29 @@ def error_factor(order: int, t: float, times: Array) -> tuple[float, int]:
     return ratio / (1.0 + ratio), order + 1
 
 
-def start(scheme: Scheme, t: float, first_stop: float, control: Control) -> State:
+def start(scheme: Scheme | Integrator, t: float, first_stop: float, control: Control) -> State:
     """The state at the initial time."""
     u = scheme.initial()
     dt = control.dt if control.dt is not None else 1e-2 * (first_stop - t)
     return State(times=np.array([t]), u=u[None, :].copy(), dt=dt)
 
 
-def integrate(scheme: Scheme, state: State, save_at: Sequence[float], control: Control, trackers: Sequence[Tracker] = ()) -> State:
+def integrate(
+    scheme: Scheme | Integrator, state: State, save_at: Sequence[float], control: Control, trackers: Sequence[Tracker] = ()
+) -> State:
     """Advance `state` through the output times `save_at`, which are met exactly.
 
     Parameters
     ----------
-    scheme : Scheme
+    scheme : Scheme or Integrator
     state : State
-        From `start`, or from a checkpoint; not after the first of `save_at`.
+        From `start`, or from a checkpoint; not after the first of `save_at`, unless its points reach back to that.
     save_at : sequence of float
         Output times that are still to come, in order; the last one is the end. One that equals the state's time is stored
         without a step.
     control : Control
     trackers : sequence of Tracker
-        Called in order after every step and at every output time.
+        Called in order after every step (every few steps of an `Integrator`) and at every output time.
 
     Returns
     -------
@@ -240,23 +266,28 @@ def integrate(scheme: Scheme, state: State, save_at: Sequence[float], control: C
         From a tracker.
     """
     t_end = save_at[-1]
+    own = isinstance(scheme, Integrator)
     for tracker in trackers:
         tracker.on_start(state, t_end)
     for target in save_at:
         while state.t < target:
             if state.t in scheme.breaks and len(state.times) > 1:
                 state = restart(scheme, state, control)
-            stop = min([target, *(b for b in (*scheme.breaks, *scheme.kinks) if b > state.t)])
-            state = advance(scheme, state, stop, control)
+            stop = min([t_end if own else target, *(b for b in (*scheme.breaks, *scheme.kinks) if b > state.t)])
+            if isinstance(scheme, Integrator):
+                state = scheme.advance(state, stop, target, control)
+            else:
+                state = advance(scheme, state, stop, control)
             for tracker in trackers:
                 tracker.on_step(state)
-        snapshot = scheme.observe(state.t, state.u[0])
+        u = state.u[0] if state.t == target else predict(target, state.times, state.u)
+        snapshot = scheme.observe(target, u)
         for tracker in trackers:
             tracker.on_save(state, snapshot)
     return state
 
 
-def restart(scheme: Scheme, state: State, control: Control) -> State:
+def restart(scheme: Scheme | Integrator, state: State, control: Control) -> State:
     """Forget the history at a jump of the data and begin again with a small step."""
     u = scheme.consistent(state.t, state.u[0])
     dt = control.dt if control.dt is not None else 1e-2 * state.dt
@@ -276,13 +307,7 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
     reasons: deque[str] = deque(maxlen=12)
     counters = dict(state.counters)
     dt = state.dt
-    if counters["steps"] >= control.max_steps:
-        raise SolverError(
-            f"the run needs more than max_steps = {control.max_steps} steps; it reached t = {state.t:.6g} with dt = {dt:.3g}. "
-            "Raise solver.max_steps and resume, or start anew with a larger solver.rtol.",
-            time=state.t,
-            dt=dt,
-        )
+    steps_left(state, control)
     for attempt in range(control.attempts):
         t = landing(state.t, dt, stop)
         h = t - state.t
@@ -316,10 +341,28 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
             dt=dt_next,
             counters=counters,
         )
-    raise SolverError(
-        f"no step from t = {state.t:.6g} succeeded, down to dt = {dt:.3g}. Last reason: {reasons[-1] if reasons else 'none'}.",
+    raise failed_step(replace(state, dt=dt), reasons)
+
+
+def steps_left(state: State, control: Control) -> int:
+    """Steps that `control` still allows; raises SolverError when there are none."""
+    left = control.max_steps - state.counters["steps"]
+    if left <= 0:
+        raise SolverError(
+            f"the run needs more than max_steps = {control.max_steps} steps; it reached t = {state.t:.6g} with dt = {state.dt:.3g}. "
+            "Raise solver.max_steps and resume, or start anew with a larger solver.rtol.",
+            time=state.t,
+            dt=state.dt,
+        )
+    return left
+
+
+def failed_step(state: State, reasons: Sequence[str] | deque[str]) -> SolverError:
+    """What to raise when no step from `state` succeeds."""
+    return SolverError(
+        f"no step from t = {state.t:.6g} succeeded, down to dt = {state.dt:.3g}. Last reason: {reasons[-1] if reasons else 'none'}.",
         time=state.t,
-        dt=dt,
+        dt=state.dt,
         history=reasons,
     )
 

@@ -1,264 +1,768 @@
-r"""Finite volumes of second order for the plaque on the moving grid, with their derivatives.
+r"""Finite volumes of second order for the plaque, compiled: rates of change and their tangent, slab and annulus, both momentum forms.
 
-Unknowns: n and l as averages over N equal cells in xi = x/L, the slip velocity w on the N - 1 interior faces,
-L and V = L'. Face f lies between cells f - 1 and f. With h = 1/N the discrete equations are, for cell i and
-interior face f (d/dt stands for the formula of the time loop),
+Unknowns, cell by cell: ``W n_i, W l_i, w_{i+1}`` (slip on the outer face of the cell) and, for drag in the annulus, the stress
+``S_{i+1}`` there; then W and V, and three integrals over time. W is the size of the body per unit length of endothelium in the
+slab (W = L) and per radian in the annulus (W = (R_2^2 - R_1^2)/2), in which equal cells are equal in area, r is the radius and
+V = dW/dt. The slab is the annulus with r = R_1 = 1 on every face and s = 0 below. With h = 1/N, face f between cells f - 1 and f,
 
-    h d(L n_i)/dt + F_{i+1} - F_i = h k_m L l_i c_i,          F_0 = F_N = 0                       (3.10a)
-    h d(L l_i)/dt + G_{i+1} - G_i = -h k_l L l_i c_i,         G_0 = Psi_l, G_N = 0                (3.10b)
-    F = v n_bar - s (n_R - n_L) / 2,   n_bar = (n_L + n_R) / 2,   v = V - c_f w - xi V,   c_f = (c_{f-1} + c_f) / 2
-    G = (1 - xi) V l_bar - max(1/(h L), (1 - xi) V / 2) (l_f - l_{f-1})
+    d(W n_i)/dt = -(F_{i+1} - F_i)/h + k_m W l_i c_i,         F_0 = F_N = 0                              (3.10a)
+    d(W l_i)/dt = -(G_{i+1} - G_i)/h - k_l W l_i c_i,         G_0 = R_1 Psi_l, G_N = 0                   (3.10b)
+    dW/dt = V,      0 = V - R_1 Psi_m l_wall                                                             (3.9)
+    F = v (n_L + n_R)/2 - s (n_R - n_L)/2,                    v = V - r c_f w - xi V,  c_f = (c_{f-1} + c_f)/2
+    G = (1 - xi) V (l_{f-1} + l_f)/2 - max(r^2/(h W), |(1 - xi) V|/2) (l_f - l_{f-1})
 
-n_L, n_R from slopes limited by MC; the inner cell takes the slope of the parabola with n_xi = 0 (or n = g) at the
-wall. The velocity takes c as the slip equation does: u_n is O(x) at the inner wall, so an O(h^2) mismatch there would be
-an O(h) error of dn/dt. ``s = max(|v|, |v + n w nu_m/nu|)`` damps the short waves of n, which do not travel with v. The slip
-equation is the sum of the two momentum balances (3.8d,e) with the pressure eliminated, as a sum of symmetric
-operators with row factor and variable factor r on faces and weight kappa in cells:
+n_L, n_R come from slopes limited by monotonised central differences; the inner cell takes the slope of the parabola with n_xi = 0
+(or n = g) at the wall. The velocity takes c as the slip equation does: u_n is O(x) at the inner wall, so an O(h^2) mismatch there
+would be an O(h) error of dn/dt. ``s = max(|v|, |v + r n w nu_m/nu|)`` damps the short waves of n, which do not travel with v.
 
-    -sum r_f ( M_f - M_{f-1} ) + h L^2 zeta_f w_f = g_f,      M_i = kappa_i ( r_{i+1} w_{i+1} - r_i w_i ) / h
-    interfacial:  (r, kappa) = (n, nu_m c) and (c, nu_n n),  zeta = b n c,      g = -L n_f ( (c Sigma)_f - (c Sigma)_{f-1} )
-    drag:         (r, kappa) = (nu, n c), nu = nu_m n + nu_n c,  zeta = b n c nu,  g = L nu ( (n(p_out - c Sigma))_f - ( )_{f-1} )
+The slip rows are balances of force over the area between two cell centres, the difference of both momentum balances (3.8d,e) with the
+pressure eliminated. In cell i with faces - and +, mean radius rm, strains ``e_r = a (v_+ - v_-)``, ``e_theta = s (v_+ + v_-)``,
+``a = rm/(h W)``, ``s = 1/(2 rm)``, whose sum is exactly ``(r_+ v_+ - r_- v_-)/(h W)``:
 
-with w_0 = V / c(0), w_N = 0; n and c in it are floored, which keeps it regular where a phase vanishes. (drag without
-viscosity: nu = 1 and no operator.)
+    interfacial:  0 = n_f f[c, n w] + c_f f[n, c w] + h W b n_f c_f w + r n_f Delta(c Sigma) + 2 (mu_m n + mu_n c)_f (V/r) Delta n
+                  f[phi, v] = d/dv_f of sum over cells of  h W phi ( nu (e_r^2 + e_theta^2)/2 + lambda e_r e_theta )
+    drag:         0 = -r Delta(n c T) - (h W / r) mean(n c X) + h W b n_f c_f w - r S Delta n + r Delta(n c Sigma)
+                      + 2 (mu_m - mu_n) (V/r) Delta(n c)
+                  T = a (z_+ - z_-) + s (y_+ + y_-),  z = (nu_m n + nu_n c) w,  y = (lambda_m n + lambda_n c) w
+                  X = 2 (a (m_+ - m_-) - s (m_+ + m_-)),  m = (mu_m n + mu_n c) w
+                  0 = S_+ - S_- - (h W/rm) ( -4 (mu_n n + mu_m c) V/rm^3 + (2/rm) Y ),   S_N = p_out
+                  Y = mu_m c (a (g_+ - g_-) - s (g_+ + g_-)) - mu_n n (the same with c w for g),  g = n w
+
+``w_0 = V/(R_1 c(0))``, ``w_N = 0``; Delta is the difference over a face (terms with V/r and X, and S other than p_out, belong to the
+annulus). Products of fractions in the slip rows are floored, which keeps them regular where a phase vanishes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
 
-from multiphase.geometry import relative_velocity
+from multiphase import radau
+from multiphase.banded import factor as _factor
+from multiphase.banded import solve as _solve
+from multiphase.compiled import compiled
+from multiphase.geometry import relative_velocity as _relative_velocity
 from plaque1d import equations as eq
-from plaque1d.parameters import PlaqueParameters
 
-Array = NDArray[np.float64]
+Array = Any
 
+BORDER = 2
+"""W and V."""
 FLOOR = 1e-5
 """Floor of the fractions inside the slip equation; it changes w by a relative (FLOOR / fraction)^2."""
 
-
-def wall_fraction(p: PlaqueParameters) -> float | None:
-    """The given n(0, t), or None for n_xi = 0."""
-    return None if isinstance(p.inner_wall, str) else float(p.inner_wall)
+INTEGRALS = 3
+"""Integrals over time of W times the mean uptake, of the influx of modLDL, and of V."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reconstruction:
-    """n on both sides of the interior faces, (N-1,), and its derivatives with respect to the cells f-2 .. f+1, (N-1, 4)."""
+class Data(NamedTuple):
+    """What the kernels need of one scene: sizes, parameters, and Psi_l(t) = influx + influx_rate (t - t_0) between two breaks."""
 
-    left: Array
-    right: Array
-    d_left: Array
-    d_right: Array
+    cells: int
+    stride: int
+    annulus: bool
+    drag: bool
+    inner_radius: float
+    influx: float
+    influx_rate: float
+    t_0: float
+    Psi_m: float
+    k_l: float
+    k_m: float
+    b: float
+    mu_n: float
+    lambda_n: float
+    mu_m: float
+    lambda_m: float
+    A: float
+    B: float
+    k: float
+    p_out: float
+    n_wall: float
+    rtol: float
+    l_reference: float
+    floor: float
 
 
-def limited_slopes(n: Array, n_wall: float | None) -> tuple[Array, Array]:
-    """Slopes of n times the cell width, (N,), and their derivatives with respect to cells i-1, i, i+1, (N, 3).
+_stress = compiled(eq.extra_stress)
+_stress_slope = compiled(eq.extra_stress_slope)
+_uptake = compiled(eq.uptake)
+_floored = compiled(eq.floored)
+_floored_slope = compiled(eq.floored_slope)
+_viscosity = compiled(eq.viscosity)
+_mean_viscosity = compiled(eq.mean_viscosity)
+_wall_concentration = compiled(eq.wall_concentration)
+_wall_slopes = compiled(eq.wall_concentration_slopes, wall_concentration=_wall_concentration)
+_growth_rate = compiled(eq.growth_rate)
+_necrotic_velocity = compiled(eq.necrotic_velocity)
+_wave_velocity = compiled(eq.short_wave_velocity, mean_viscosity=_mean_viscosity)
+_wave_slopes = compiled(eq.short_wave_excess_slopes, mean_viscosity=_mean_viscosity)
+_relative = compiled(_relative_velocity)
 
-    Inside: monotonised central differences. Inner cell: the parabola with n_xi = 0 at the wall, or through
-    `n_wall`, limited. Outer cell: one-sided; no condition holds there.
-    """
-    step = np.diff(n)
-    back, ahead = step[:-1], step[1:]
+
+def upwinded(diffusive: Any, velocity: Any) -> Any:
+    """Coefficient of the difference over a face that keeps a central flux from overshooting: at least half the velocity."""
+    return np.maximum(diffusive, 0.5 * np.abs(velocity))
+
+
+_upwinded = compiled(upwinded)
+_drag_diffusivity = compiled(eq.drag_diffusivity)
+_shifted = compiled(radau.shifted)
+_resolve = compiled(radau.resolve)
+
+
+@njit(error_model="numpy")
+def influx(d: Data, t: float) -> float:
+    """Psi_l(t), linear between two breaks."""
+    return d.influx + d.influx_rate * (t - d.t_0)
+
+
+@njit(error_model="numpy")
+def _slope(back: float, ahead: float) -> float:
+    """Monotonised central difference."""
+    if back * ahead <= 0.0:
+        return 0.0
     central = 0.5 * (back + ahead)
-    monotone = back * ahead > 0.0
-    smallest = np.argmin(np.abs([central, 2.0 * back, 2.0 * ahead]), axis=0)
-    weights = np.array([[-0.5, 0.0, 0.5], [-2.0, 2.0, 0.0], [0.0, -2.0, 2.0]])
-    slopes = np.zeros_like(n)
-    d_slopes = np.zeros((len(n), 3))
-    d_slopes[1:-1] = np.where(monotone[:, None], weights[smallest], 0.0)
-    slopes[1:-1] = np.where(monotone, np.choose(smallest, [central, 2.0 * back, 2.0 * ahead]), 0.0)
-    if n_wall is None:
-        slopes[0], d_slopes[0] = 0.5 * step[0], (0.0, -0.5, 0.5)
+    smallest = min(abs(central), 2.0 * abs(back), 2.0 * abs(ahead))
+    return smallest if ahead > 0.0 else -smallest
+
+
+@njit(error_model="numpy")
+def _slope_weights(back: float, ahead: float) -> tuple[float, float]:
+    """Derivatives of `_slope` with respect to both differences."""
+    if back * ahead <= 0.0:
+        return 0.0, 0.0
+    central = 0.5 * abs(back + ahead)
+    if central <= 2.0 * abs(back) and central <= 2.0 * abs(ahead):
+        return 0.5, 0.5
+    return (2.0, 0.0) if abs(back) <= abs(ahead) else (0.0, 2.0)
+
+
+@njit(error_model="numpy")
+def _inner_slope(d: Data, n_0: float, n_1: float) -> tuple[float, float, float]:
+    """Slope in the cell at the endothelium and its derivatives with respect to n_0 and n_1: the parabola with n_x = 0 at the wall, or
+    through the given value, limited."""
+    ahead = n_1 - n_0
+    if np.isnan(d.n_wall):
+        return 0.5 * ahead, -0.5, 0.5
+    inner = 2.0 * (n_0 - d.n_wall)
+    if inner * ahead <= 0.0:
+        return 0.0, 0.0, 0.0
+    parabola = 1.25 * n_0 - 1.5 * d.n_wall + 0.25 * n_1
+    if abs(parabola) <= 2.0 * abs(inner) and abs(parabola) <= 2.0 * abs(ahead):
+        return parabola, 1.25, 0.25
+    if abs(inner) <= abs(ahead):
+        return 2.0 * inner, 4.0, 0.0
+    return 2.0 * ahead, -2.0, 2.0
+
+
+@njit(error_model="numpy")
+def _damping(d: Data, v: float, n_f: float, slip: float, nu_n: float, nu_m: float) -> tuple[float, float, float, float]:
+    """``s = max(|v|, |short-wave velocity|)`` on a face, and its derivatives with respect to n_f, the slip, and v."""
+    n_s = min(max(n_f, d.floor), 1.0 - d.floor)  # keeps the mean viscosity above 0 where the only viscous phase is absent
+    wave = _wave_velocity(v, n_s, slip, nu_n, nu_m)
+    if abs(wave) > abs(v):
+        excess_n, excess_w = _wave_slopes(n_s, slip, nu_n, nu_m)
+        if n_s != n_f:
+            excess_n = 0.0
+        sign = 1.0 if wave >= 0.0 else -1.0
+        return abs(wave), sign * (slip + excess_n), sign * (n_f - 1.0 + excess_w), sign
+    sign = 1.0 if v >= 0.0 else -1.0
+    return abs(v), sign * slip, sign * (n_f - 1.0), sign
+
+
+# Rows of the work space: values in cells (N) or on faces (N + 1).
+_N, _L, _RADIUS, _STRESS, _SLOPE, _NF, _CF, _NC, _CC, _BACK, _HERE, _AHEAD, _NF_N, _CF_N = range(14)
+WORK_ROWS = 14
+
+
+@njit(error_model="numpy")
+def _prepare(d: Data, y: Array, work: Array) -> None:
+    """Fractions, stress, slopes, radii and floored fractions of the state `y`."""
+    N, m = d.cells, d.stride
+    W = y[m * N]
+    for i in range(N):
+        n, l = y[m * i] / W, y[m * i + 1] / W
+        work[_N, i], work[_L, i] = n, l
+        work[_STRESS, i] = _stress(l, d.A, d.B, d.k)
+        work[_NC, i], work[_CC, i] = _floored(n, d.floor), _floored(1.0 - n, d.floor)
+    n_all = work[_N]
+    work[_SLOPE, 0] = _inner_slope(d, n_all[0], n_all[1])[0]
+    for i in range(1, N - 1):
+        work[_SLOPE, i] = _slope(n_all[i] - n_all[i - 1], n_all[i + 1] - n_all[i])
+    work[_SLOPE, N - 1] = n_all[N - 1] - n_all[N - 2]
+    for f in range(N + 1):
+        n = 0.5 * (n_all[max(f - 1, 0)] + n_all[min(f, N - 1)])
+        if f == 0 and not np.isnan(d.n_wall):
+            n = d.n_wall
+        work[_NF, f], work[_CF, f] = _floored(n, d.floor), _floored(1.0 - n, d.floor)
+        work[_RADIUS, f] = np.sqrt(d.inner_radius * d.inner_radius + 2.0 * W * f / N) if d.annulus else 1.0
+
+
+@njit(error_model="numpy")
+def _strains(d: Data, W: float, inner: float, outer: float) -> tuple[float, float, float]:
+    """Of a cell between two radii: mean radius, a and s of the strains ``a (v_+ - v_-)`` and ``s (v_+ + v_-)``."""
+    if not d.annulus:
+        return 1.0, d.cells / W, 0.0
+    mean = 0.5 * (inner + outer)
+    return mean, mean * d.cells / W, 0.5 / mean
+
+
+@njit(error_model="numpy")
+def _stiffness(d: Data, W: float, a: float, s: float, mu: float, lambda_: float) -> tuple[float, float, float]:
+    """Second derivatives ++, --, +- of ``h W (nu (e_r^2 + e_theta^2)/2 + lambda e_r e_theta)`` with respect to the face velocities."""
+    nu, area = _viscosity(mu, lambda_), W / d.cells
+    direct, cross = nu * (a * a + s * s), 2.0 * lambda_ * a * s
+    return area * (direct + cross), area * (direct - cross), area * nu * (s * s - a * a)
+
+
+@njit(error_model="numpy")
+def _slip_at(d: Data, y: Array, work: Array, f: int) -> float:
+    """w on face f, walls included."""
+    if f == 0:
+        return y[d.stride * d.cells + 1] / (d.inner_radius * work[_CF, 0])
+    return y[d.stride * (f - 1) + 2] if f < d.cells else 0.0
+
+
+@njit(error_model="numpy")
+def _n_flux(d: Data, y: Array, work: Array, f: int) -> tuple[float, float]:
+    """Flux F of n through face f, and its velocity v."""
+    n, V = work[_N], y[d.stride * d.cells + 1]
+    n_f, slip = 0.5 * (n[f - 1] + n[f]), work[_RADIUS, f] * y[d.stride * (f - 1) + 2]
+    left, right = n[f - 1] + 0.5 * work[_SLOPE, f - 1], n[f] - 0.5 * work[_SLOPE, f]
+    v = _relative(_necrotic_velocity(V, n_f, slip), f / d.cells, V)
+    s = _damping(d, v, n_f, slip, _viscosity(d.mu_n, d.lambda_n), _viscosity(d.mu_m, d.lambda_m))[0]
+    return 0.5 * v * (left + right) - 0.5 * s * (right - left), v
+
+
+@njit(error_model="numpy")
+def _l_transport(d: Data, W: float, V: float, r: float, xi: float) -> tuple[float, float]:
+    """Velocity of l through a face, and the coefficient of the difference over it: central, upwind where a cell is too long for that."""
+    velocity = _relative(V, xi, V)
+    return velocity, _upwinded(r * r * d.cells / W, velocity)
+
+
+@njit(error_model="numpy")
+def face_values(d: Data, y: Array, out: Array, work: Array) -> None:
+    """On the interior faces: flux of n, its velocity, velocity of l, conductance of l; `out` (4, N + 1), zero at both ends."""
+    N, m = d.cells, d.stride
+    _prepare(d, y, work)
+    out[:, :] = 0.0
+    for f in range(1, N):
+        out[0, f], out[1, f] = _n_flux(d, y, work, f)
+        out[2, f], out[3, f] = _l_transport(d, y[m * N], y[m * N + 1], work[_RADIUS, f], f / N)
+
+
+@njit(error_model="numpy")
+def rates(d: Data, t: float, y: Array, out: Array, work: Array) -> None:
+    """``M dy/dt``: rates of the balances, residuals of the algebraic rows.
+
+    Parameters
+    ----------
+    d : Data
+    t : float
+    y, out : (stride cells + BORDER + INTEGRALS,) array
+    work : (WORK_ROWS, cells + 1) array
+    """
+    N, m = d.cells, d.stride
+    h, W, V = 1.0 / N, y[m * N], y[m * N + 1]
+    _prepare(d, y, work)
+    n, l, radius = work[_N], work[_L], work[_RADIUS]
+    Psi_l = influx(d, t)
+    total = 0.0
+    for i in range(N):
+        rate = _uptake(l[i], n[i])
+        total += rate
+        out[m * i], out[m * i + 1] = d.k_m * W * rate, -d.k_l * W * rate
+    out[1] += d.inner_radius * Psi_l / h
+    for f in range(1, N):
+        flux = _n_flux(d, y, work, f)[0] / h
+        out[m * (f - 1)] -= flux
+        out[m * f] += flux
+        velocity, conductance = _l_transport(d, W, V, radius[f], f * h)
+        flux = (0.5 * velocity * (l[f - 1] + l[f]) - conductance * (l[f] - l[f - 1])) / h
+        out[m * (f - 1) + 1] -= flux
+        out[m * f + 1] += flux
+    if d.drag:
+        _drag_rows(d, y, out, work)
     else:
-        inner = 2.0 * (n[0] - n_wall)
-        candidates = np.array([1.25 * n[0] - 1.5 * n_wall + 0.25 * n[1], 2.0 * inner, 2.0 * step[0]])
-        choice = int(np.argmin(np.abs(candidates)))
-        if inner * step[0] > 0.0:
-            slopes[0] = candidates[choice]
-            d_slopes[0] = [(0.0, 1.25, 0.25), (0.0, 4.0, 0.0), (0.0, -2.0, 2.0)][choice]
-    slopes[-1], d_slopes[-1] = step[-1], (-1.0, 1.0, 0.0)
-    return slopes, d_slopes
+        _interfacial_rows(d, y, out, work)
+    out[m * (N - 1) + 2] = y[m * (N - 1) + 2]
+    l_wall = _wall_concentration(l[0], 0.5 * h * W / d.inner_radius, Psi_l, d.Psi_m)
+    out[m * N] = V
+    out[m * N + 1] = V - d.inner_radius * _growth_rate(l_wall, d.Psi_m)
+    out[m * N + 2], out[m * N + 3], out[m * N + 4] = h * W * total, d.inner_radius * Psi_l, V
 
 
-def reconstruct(n: Array, n_wall: float | None) -> Reconstruction:
-    """Limited linear reconstruction of n on the interior faces."""
-    slopes, d = limited_slopes(n, n_wall)
-    d_left = np.zeros((len(n) - 1, 4))
-    d_right = np.zeros_like(d_left)
-    d_left[:, :3] = 0.5 * d[:-1]
-    d_left[:, 1] += 1.0
-    d_right[:, 1:] = -0.5 * d[1:]
-    d_right[:, 2] += 1.0
-    return Reconstruction(n[:-1] + 0.5 * slopes[:-1], n[1:] - 0.5 * slopes[1:], d_left, d_right)
+@njit(error_model="numpy")
+def _interfacial_rows(d: Data, y: Array, out: Array, work: Array) -> None:
+    """Residuals of the slip equation with the interfacial force."""
+    N, m = d.cells, d.stride
+    h, W, V = 1.0 / N, y[m * N], y[m * N + 1]
+    n, radius, n_f, c_f = work[_N], work[_RADIUS], work[_NF], work[_CF]
+    for f in range(1, N):
+        row, r = m * (f - 1) + 2, radius[f]
+        step = (1.0 - n[f]) * work[_STRESS, f] - (1.0 - n[f - 1]) * work[_STRESS, f - 1]
+        out[row] = h * W * d.b * n_f[f] * c_f[f] * y[row] + r * n_f[f] * step
+        if d.annulus:
+            out[row] += 2.0 * _mean_viscosity(0.5 * (n[f - 1] + n[f]), d.mu_n, d.mu_m) * (V / r) * (n[f] - n[f - 1])
+    inner = _slip_at(d, y, work, 0)
+    for i in range(N):
+        outer = _slip_at(d, y, work, i + 1)
+        _, a, s = _strains(d, W, radius[i], radius[i + 1])
+        for phase in range(2):
+            fraction = work[_CC, i] if phase == 0 else work[_NC, i]
+            face = n_f if phase == 0 else c_f
+            mu, lambda_ = (d.mu_m, d.lambda_m) if phase == 0 else (d.mu_n, d.lambda_n)
+            pp, mm, pm = _stiffness(d, W, a, s, mu, lambda_)
+            v_m, v_p = face[i] * inner, face[i + 1] * outer
+            if i > 0:
+                out[m * (i - 1) + 2] += face[i] * fraction * (mm * v_m + pm * v_p)
+            if i < N - 1:
+                out[m * i + 2] += face[i + 1] * fraction * (pp * v_p + pm * v_m)
+        inner = outer
 
 
-@dataclass(frozen=True, slots=True)
-class NecroticFlux:
-    """Flux F of n through the interior faces, (N-1,), its velocity v, and derivatives: `d_n` (N-1, 4) for the cells
-    f-2 .. f+1, `d_w` and `d_V` (N-1,)."""
-
-    value: Array
-    velocity: Array
-    d_n: Array
-    d_w: Array
-    d_V: Array
-
-
-def necrotic_flux(n: Array, w: Array, V: float, xi: Array, n_wall: float | None, nu_n: float, nu_m: float) -> NecroticFlux:
-    """The flux F of the module's formulas on the interior faces `xi`."""
-    r = reconstruct(n, n_wall)
-    n_bar, jump = 0.5 * (r.left + r.right), r.right - r.left
-    n_f = 0.5 * (n[:-1] + n[1:])
-    u_n = eq.necrotic_velocity(V, n_f, w)
-    v = relative_velocity(u_n, xi, V)
-    n_s = np.clip(n_f, FLOOR, 1.0 - FLOOR)  # keeps the mean viscosity above 0 where the only viscous phase is absent
-    wave = relative_velocity(eq.short_wave_velocity(u_n, n_s, w, nu_n, nu_m), xi, V)
-    excess_n, excess_w = eq.short_wave_excess_slopes(n_s, w, nu_n, nu_m)
-    excess_n = np.where(n_s == n_f, excess_n, 0.0)
-    fast = np.abs(wave) > np.abs(v)
-    s = np.where(fast, np.abs(wave), np.abs(v))
-    sign = np.where(fast, np.sign(wave), np.sign(v))
-    s_n = sign * (w + np.where(fast, excess_n, 0.0))
-    s_w = sign * (n_f - 1.0 + np.where(fast, excess_w, 0.0))
-    s_V = sign * (1.0 - xi)
-    d_n = v[:, None] * 0.5 * (r.d_left + r.d_right) - (0.5 * s)[:, None] * (r.d_right - r.d_left)
-    d_n[:, 1:3] += (0.5 * (n_bar * w - 0.5 * jump * s_n))[:, None]
-    return NecroticFlux(
-        value=v * n_bar - 0.5 * s * jump,
-        velocity=v,
-        d_n=d_n,
-        d_w=n_bar * (n_f - 1.0) - 0.5 * jump * s_w,
-        d_V=(1.0 - xi) * n_bar - 0.5 * jump * s_V,
+@njit(error_model="numpy")
+def _drag_cell(d: Data, work: Array, i: int, a: float, s: float) -> tuple[float, float, float, float]:
+    """Coefficients of a cell in the drag form: ``n c T = p[0] w_+ + p[1] w_-`` and ``n c X = p[2] w_+ + p[3] w_-``."""
+    product = work[_NC, i] * work[_CC, i]
+    n_m, n_p, c_m, c_p = work[_NF, i], work[_NF, i + 1], work[_CF, i], work[_CF, i + 1]
+    nu_n, nu_m = _viscosity(d.mu_n, d.lambda_n), _viscosity(d.mu_m, d.lambda_m)
+    z_p, z_m = nu_m * n_p + nu_n * c_p, nu_m * n_m + nu_n * c_m
+    y_p, y_m = d.lambda_m * n_p + d.lambda_n * c_p, d.lambda_m * n_m + d.lambda_n * c_m
+    m_p, m_m = d.mu_m * n_p + d.mu_n * c_p, d.mu_m * n_m + d.mu_n * c_m
+    return (
+        product * (a * z_p + s * y_p),
+        product * (-a * z_m + s * y_m),
+        2.0 * product * (a - s) * m_p,
+        -2.0 * product * (a + s) * m_m,
     )
 
 
-def bounded(amounts: Array, L: float) -> Array:
-    """`amounts` L n brought into [0, L] with their sum kept: what lies outside is taken from, or given to, all cells in proportion
-    to what they have, or have room for.
+@njit(error_model="numpy")
+def _outer_stress(d: Data, y: Array, f: int) -> float:
+    """S on face f: an unknown in the annulus, the outer traction in the slab."""
+    return y[d.stride * (f - 1) + 3] if d.annulus else d.p_out
 
-    The semi-discrete flux keeps the bounds, a step of BDF2 only to its error. Left alone, n below 0 would grow as n does.
+
+@njit(error_model="numpy")
+def _stress_row(d: Data, V: float, work: Array, i: int, inner: float, outer: float, W: float) -> float:
+    """``S_+ - S_-`` over cell i."""
+    mean, a, s = _strains(d, W, work[_RADIUS, i], work[_RADIUS, i + 1])
+    n, n_m, n_p, c_m, c_p = work[_N, i], work[_NF, i], work[_NF, i + 1], work[_CF, i], work[_CF, i + 1]
+    g = a * (n_p * outer - n_m * inner) - s * (n_p * outer + n_m * inner)
+    k = a * (c_p * outer - c_m * inner) - s * (c_p * outer + c_m * inner)
+    Y = d.mu_m * (1.0 - n) * g - d.mu_n * n * k
+    shear = d.mu_n * n + d.mu_m * (1.0 - n)
+    return W / (d.cells * mean) * (-4.0 * shear * V / mean**3 + 2.0 / mean * Y)
+
+
+@njit(error_model="numpy")
+def _drag_rows(d: Data, y: Array, out: Array, work: Array) -> None:
+    """Residuals of the slip equation with drag only, and of S in the annulus."""
+    N, m = d.cells, d.stride
+    h, W, V = 1.0 / N, y[m * N], y[m * N + 1]
+    n, radius, stress = work[_N], work[_RADIUS], work[_STRESS]
+    inner = _slip_at(d, y, work, 0)
+    for i in range(N):
+        outer = _slip_at(d, y, work, i + 1)
+        _, a, s = _strains(d, W, radius[i], radius[i + 1])
+        t_p, t_m, x_p, x_m = _drag_cell(d, work, i, a, s)
+        force, hoop = t_p * outer + t_m * inner, x_p * outer + x_m * inner
+        for f in (i, i + 1):
+            if 0 < f < N:
+                row, r = m * (f - 1) + 2, radius[f]
+                mixed = n[i] * (1.0 - n[i])
+                load = S_f = 0.0
+                S_f = _outer_stress(d, y, f)
+                load = -r * force - S_f * r * n[i] + r * mixed * stress[i]
+                if d.annulus:
+                    load += 2.0 * (d.mu_m - d.mu_n) * (V / r) * mixed
+                value = load if f == i else -load
+                if d.annulus:
+                    value -= 0.5 * (h * W / r) * hoop
+                if f == i + 1:
+                    out[row] = h * W * d.b * work[_NF, f] * work[_CF, f] * outer
+                out[row] += value
+        if d.annulus and i > 0:
+            out[m * (i - 1) + 3] = _outer_stress(d, y, i + 1) - _outer_stress(d, y, i) - _stress_row(d, V, work, i, inner, outer, W)
+        inner = outer
+    if d.annulus:
+        out[m * (N - 1) + 3] = _outer_stress(d, y, N) - d.p_out
+
+
+@njit(error_model="numpy")
+def tangent(
+    d: Data, t: float, y: Array, f_0: Array, jac: Array, columns: Array, rows: Array, corner: Array, q_rows: Array, q_corner: Array,
+    work: Array, scratch: Array,
+) -> None:  # fmt: skip
+    """Derivatives of `rates` at `y`, where it is `f_0`: the band exactly, the two columns of W and V by differences.
+
+    Parameters
+    ----------
+    jac : (stride cells, 4 stride + 1) array
+        Band of half-width 2 stride, ``jac[i, j - i + 2 stride]``.
+    columns : (BORDER, stride cells) array
+        Derivatives of the cell rows with respect to W and V.
+    rows : (BORDER, stride cells) array
+        Derivatives of the rows of W and V with respect to the cell unknowns.
+    corner : (BORDER, BORDER) array
+    q_rows, q_corner : (INTEGRALS, stride cells), (INTEGRALS, BORDER) array
+        Derivatives of the integrands.
+    work, scratch : arrays
+        Work space of `rates`, and one vector like y.
     """
-    inside = np.clip(amounts, 0.0, L)
-    excess = float(np.sum(amounts - inside))
-    if excess == 0.0:
-        return inside
-    room = inside if excess < 0.0 else L - inside
-    return inside + room * (excess / max(float(np.sum(room)), abs(excess)))
-
-
-@dataclass(frozen=True, slots=True)
-class LdlFlux:
-    """Flux G of modLDL through the interior faces, (N-1,), its total diffusivity, and derivatives."""
-
-    value: Array
-    velocity: Array
-    conductance: Array
-    d_inner: Array
-    d_outer: Array
-    d_L: Array
-    d_V: Array
-
-
-def ldl_flux(l: Array, L: float, V: float, xi: Array, h: float, diffusivity: float = 1.0) -> LdlFlux:
-    """The flux G of the module's formulas: central differences, upwind where a cell is longer than 2 D / velocity.
-
-    `conductance` is the coefficient of the difference over a face.
-    """
-    velocity = relative_velocity(V, xi, V)
-    diffusive = diffusivity / (h * L)
-    upwind = 0.5 * np.abs(velocity) > diffusive
-    conductance = np.where(upwind, 0.5 * np.abs(velocity), diffusive)
-    mean, jump = 0.5 * (l[:-1] + l[1:]), np.diff(l)
-    return LdlFlux(
-        value=velocity * mean - conductance * jump,
-        velocity=velocity,
-        conductance=conductance,
-        d_inner=0.5 * velocity + conductance,
-        d_outer=0.5 * velocity - conductance,
-        d_L=np.where(upwind, 0.0, diffusive / L) * jump,
-        d_V=(1.0 - xi) * (mean - np.where(upwind, 0.5 * np.sign(V), 0.0) * jump),
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class SlipTerm:
-    """One symmetric operator of the slip equation: r on faces 0 .. N-1, kappa in cells, and their derivatives with
-    respect to the n beside them."""
-
-    r: Array
-    r_n: Array
-    kappa: Array
-    kappa_n: Array
-
-
-@dataclass(frozen=True, slots=True)
-class Slip:
-    """Coefficients of the slip equation at one state, with derivatives.
-
-    `zeta`, `load` and their derivatives belong to the interior faces; `load_inner`, `load_outer` are the derivatives
-    of the load through the row factor excluded, with respect to the stress-like cell value `phi`.
-    """
-
-    terms: tuple[SlipTerm, ...]
-    zeta: Array
-    zeta_n: Array
-    row: Array
-    row_n: Array
-    phi: Array
-    phi_n: Array
-    phi_l: Array
-    w_wall: float
-    w_wall_V: float
-    w_wall_n: float
-
-
-def slip(n: Array, l: Array, V: float, p: PlaqueParameters, floor: float = FLOOR) -> Slip:
-    """Coefficients of the slip equation; ``load_f = L row_f (phi_f - phi_{f-1})``."""
-    n_wall = wall_fraction(p)
-    at_face = np.concatenate([[n[0] if n_wall is None else n_wall], 0.5 * (n[:-1] + n[1:])])
-    nf, cf = eq.floored(at_face, floor), eq.floored(1.0 - at_face, floor)
-    nf_n, cf_n = eq.floored_slope(at_face, floor), -eq.floored_slope(1.0 - at_face, floor)
-    nc, cc = eq.floored(n, floor), eq.floored(1.0 - n, floor)
-    nc_n, cc_n = eq.floored_slope(n, floor), -eq.floored_slope(1.0 - n, floor)
-    stress, stress_l = eq.extra_stress(l, p.A, p.B, p.k), eq.extra_stress_slope(l, p.A, p.B, p.k)
-    c = 1.0 - n
-    terms: tuple[SlipTerm, ...]
-    zeta, zeta_n = p.b * nf * cf, p.b * (nf_n * cf + nf * cf_n)
-    if p.momentum == "interfacial":
-        terms = (SlipTerm(nf, nf_n, p.nu_m * cc, p.nu_m * cc_n), SlipTerm(cf, cf_n, p.nu_n * nc, p.nu_n * nc_n))
-        row, row_n = -nf, -nf_n
-        phi, phi_n, phi_l = c * stress, -stress, c * stress_l
+    N, m = d.cells, d.stride
+    h, W = 1.0 / N, y[m * N]
+    half, size = 2 * m, m * N
+    for index in range(BORDER):
+        kept = y[size + index]
+        step = 1e-7 * kept if index == 0 else 1e-4 * abs(kept) + 1e-8 * d.inner_radius * (d.Psi_m * d.l_reference + 1e-6)
+        y[size + index] = kept + step
+        step = y[size + index] - kept
+        rates(d, t, y, scratch, work)
+        y[size + index] = kept
+        for i in range(size):
+            columns[index, i] = (scratch[i] - f_0[i]) / step
+        for i in range(BORDER):
+            corner[i, index] = (scratch[size + i] - f_0[size + i]) / step
+        for i in range(INTEGRALS):
+            q_corner[i, index] = (scratch[size + BORDER + i] - f_0[size + BORDER + i]) / step
+    _prepare(d, y, work)
+    jac[:, :] = 0.0
+    rows[:, :] = 0.0
+    q_rows[:, :] = 0.0
+    n, l = work[_N], work[_L]
+    for i in range(N):
+        jac[m * i, half] -= d.k_m * l[i]
+        jac[m * i, half + 1] += d.k_m * (1.0 - n[i])
+        jac[m * i + 1, half - 1] += d.k_l * l[i]
+        jac[m * i + 1, half] -= d.k_l * (1.0 - n[i])
+        q_rows[0, m * i], q_rows[0, m * i + 1] = -h * l[i], h * (1.0 - n[i])
+    _transport_tangent(d, y, jac, work)
+    for f in range(N):
+        fraction = 0.5 * (n[max(f - 1, 0)] + n[f])
+        slope = 1.0
+        if f == 0 and not np.isnan(d.n_wall):
+            slope = 0.0
+        work[_NF_N, f], work[_CF_N, f] = slope * _floored_slope(fraction, d.floor), -slope * _floored_slope(1.0 - fraction, d.floor)
+    if d.drag:
+        _drag_tangent(d, y, jac, work)
     else:
-        viscous = p.nu_n > 0.0 or p.nu_m > 0.0
-        row = p.nu_m * nf + p.nu_n * cf if viscous else np.ones_like(nf)
-        row_n = p.nu_m * nf_n + p.nu_n * cf_n if viscous else np.zeros_like(nf)
-        terms = (SlipTerm(row, row_n, nc * cc, nc_n * cc + nc * cc_n),) if viscous else ()
-        zeta, zeta_n = zeta * row, zeta_n * row + zeta * row_n
-        phi, phi_n, phi_l = n * (p.p_out - c * stress), p.p_out + (n - c) * stress, -n * c * stress_l
-    return Slip(
-        terms=terms,
-        zeta=zeta[1:],
-        zeta_n=zeta_n[1:],
-        row=row[1:],
-        row_n=row_n[1:],
-        phi=phi,
-        phi_n=phi_n,
-        phi_l=phi_l,
-        w_wall=V / float(cf[0]),
-        w_wall_V=1.0 / float(cf[0]),
-        w_wall_n=0.0 if n_wall is not None else -V / float(cf[0]) ** 2 * float(cf_n[0]),
-    )
+        _interfacial_tangent(d, y, jac, work)
+    jac[m * (N - 1) + 2, :] = 0.0
+    jac[m * (N - 1) + 2, half] = 1.0
+    inner, _ = _wall_slopes(l[0], 0.5 * h * W / d.inner_radius, influx(d, t), d.Psi_m)
+    rows[1, 1] = -d.inner_radius * _growth_rate(inner, d.Psi_m) / W
 
 
-def slip_couplings(s: Slip, w: Array) -> list[tuple[SlipTerm, Array, Array]]:
-    """For each operator: r w on all faces 0 .. N (zero at N), and the cell fluxes ``h M``, (N,)."""
-    w_all = np.concatenate([[s.w_wall], w, [0.0]])
-    couplings = []
-    for term in s.terms:
-        product = np.append(term.r, 0.0) * w_all
-        couplings.append((term, product, term.kappa * np.diff(product)))
-    return couplings
+@njit(error_model="numpy")
+def _transport_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
+    """Derivatives of the fluxes of n and l with respect to n, l and w."""
+    N, m = d.cells, d.stride
+    h, W, V = 1.0 / N, y[m * N], y[m * N + 1]
+    half = 2 * m
+    n, radius = work[_N], work[_RADIUS]
+    for i in range(N):
+        if i == 0:
+            _, here, ahead = _inner_slope(d, n[0], n[1])
+            work[_BACK, 0], work[_HERE, 0], work[_AHEAD, 0] = 0.0, here, ahead
+        else:
+            back, ahead = (1.0, 0.0) if i == N - 1 else _slope_weights(n[i] - n[i - 1], n[i + 1] - n[i])
+            work[_BACK, i], work[_HERE, i], work[_AHEAD, i] = -back, back - ahead, ahead
+    nu_n, nu_m = _viscosity(d.mu_n, d.lambda_n), _viscosity(d.mu_m, d.lambda_m)
+    for f in range(1, N):
+        xi, r, i, j = f * h, radius[f], f - 1, f
+        n_f, slip = 0.5 * (n[i] + n[j]), r * y[m * i + 2]
+        left, right = n[i] + 0.5 * work[_SLOPE, i], n[j] - 0.5 * work[_SLOPE, j]
+        v = _relative(_necrotic_velocity(V, n_f, slip), xi, V)
+        s, s_n, s_w, _ = _damping(d, v, n_f, slip, nu_n, nu_m)
+        mean, jump = 0.5 * (left + right), right - left
+        from_left, from_right = 0.5 * (v + s), 0.5 * (v - s)
+        through = 0.5 * (mean * slip - 0.5 * jump * s_n)
+        weights = (
+            from_left * 0.5 * work[_BACK, i],
+            from_left * (1.0 + 0.5 * work[_HERE, i]) - from_right * 0.5 * work[_BACK, j] + through,
+            from_left * 0.5 * work[_AHEAD, i] + from_right * (1.0 - 0.5 * work[_HERE, j]) + through,
+            -from_right * 0.5 * work[_AHEAD, j],
+        )
+        row_i, row_j = m * i, m * j
+        for k in range(4):
+            cell = f - 2 + k
+            if 0 <= cell < N:
+                value = weights[k] / (h * W)
+                jac[row_i, m * cell - row_i + half] -= value
+                jac[row_j, m * cell - row_j + half] += value
+        value = (mean * (n_f - 1.0) - 0.5 * jump * s_w) * r / h
+        jac[row_i, 2 + half] -= value
+        jac[row_j, m * i + 2 - row_j + half] += value
+        velocity, conductance = _l_transport(d, W, V, r, xi)
+        row_i, row_j = m * i + 1, m * j + 1
+        for cell, value in ((i, (0.5 * velocity + conductance) / (h * W)), (j, (0.5 * velocity - conductance) / (h * W))):
+            jac[row_i, m * cell + 1 - row_i + half] -= value
+            jac[row_j, m * cell + 1 - row_j + half] += value
+
+
+@njit(error_model="numpy")
+def _add_fraction(d: Data, jac: Array, row: int, f: int, value: float) -> None:
+    """Add a derivative with respect to the mean fraction on face f, ``(n_{f-1} + n_f)/2`` (n_0 at the endothelium); it is
+    given per unit of W n."""
+    m, half = d.stride, 2 * d.stride
+    for cell in (max(f - 1, 0), f):
+        jac[row, m * cell - row + half] += 0.5 * value
+
+
+@njit(error_model="numpy")
+def _interfacial_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
+    """Derivatives of `_interfacial_rows`."""
+    N, m = d.cells, d.stride
+    h, W, V = 1.0 / N, y[m * N], y[m * N + 1]
+    half = 2 * m
+    n, l, radius, n_f, c_f = work[_N], work[_L], work[_RADIUS], work[_NF], work[_CF]
+    for f in range(1, N):
+        row, r, w = m * (f - 1) + 2, radius[f], y[m * (f - 1) + 2]
+        slope_n, slope_c = work[_NF_N, f], work[_CF_N, f]
+        step = (1.0 - n[f]) * work[_STRESS, f] - (1.0 - n[f - 1]) * work[_STRESS, f - 1]
+        jac[row, half] += h * W * d.b * n_f[f] * c_f[f]
+        fraction = h * W * d.b * (slope_n * c_f[f] + n_f[f] * slope_c) * w + r * slope_n * step
+        curved = 0.0
+        if d.annulus:
+            curved = 2.0 * _mean_viscosity(0.5 * (n[f - 1] + n[f]), d.mu_n, d.mu_m) * V / r
+            fraction += 2.0 * (d.mu_m - d.mu_n) * V / r * (n[f] - n[f - 1])
+        _add_fraction(d, jac, row, f, fraction / W)
+        for cell, sign in ((f - 1, -1.0), (f, 1.0)):
+            jac[row, m * cell - row + half] += sign * (curved - r * n_f[f] * work[_STRESS, cell]) / W
+            slope = _stress_slope(l[cell], d.A, d.B, d.k)
+            jac[row, m * cell + 1 - row + half] += sign * r * n_f[f] * (1.0 - n[cell]) * slope / W
+    inner = _slip_at(d, y, work, 0)
+    for i in range(N):
+        outer = _slip_at(d, y, work, i + 1)
+        _, a, s = _strains(d, W, radius[i], radius[i + 1])
+        for phase in range(2):
+            fraction = work[_CC, i] if phase == 0 else work[_NC, i]
+            fraction_n = -_floored_slope(1.0 - n[i], d.floor) if phase == 0 else _floored_slope(n[i], d.floor)
+            face, face_n = (n_f, work[_NF_N]) if phase == 0 else (c_f, work[_CF_N])
+            mu, lambda_ = (d.mu_m, d.lambda_m) if phase == 0 else (d.mu_n, d.lambda_n)
+            pp, mm, pm = _stiffness(d, W, a, s, mu, lambda_)
+            v_m, v_p = face[i] * inner, face[i + 1] * outer
+            # v_- and v_+ change with the face fraction; at the endothelium w_0 = V/(R_1 c(0)) does, too
+            v_m_n = face_n[i] * inner
+            if i == 0:
+                v_m_n -= v_m / c_f[0] * work[_CF_N, 0]
+            v_p_n = face_n[i + 1] * outer if i < N - 1 else 0.0
+            for f in (i, i + 1):
+                if not 0 < f < N:
+                    continue
+                row = m * (f - 1) + 2
+                own, other = (mm, pm) if f == i else (pm, pp)  # coefficients of v_- and v_+
+                force = own * v_m + other * v_p
+                _add_fraction(d, jac, row, f, face_n[f] * fraction * force / W)
+                _add_fraction(d, jac, row, i, face[f] * fraction * own * v_m_n / W)
+                if i < N - 1:
+                    _add_fraction(d, jac, row, i + 1, face[f] * fraction * other * v_p_n / W)
+                    jac[row, m * i + 2 - row + half] += face[f] * fraction * other * face[i + 1]
+                if i > 0:
+                    jac[row, m * (i - 1) + 2 - row + half] += face[f] * fraction * own * face[i]
+                jac[row, m * i - row + half] += face[f] * fraction_n * force / W
+        inner = outer
+
+
+@njit(error_model="numpy")
+def _drag_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
+    """Derivatives of `_drag_rows`."""
+    N, m = d.cells, d.stride
+    h, W, V = 1.0 / N, y[m * N], y[m * N + 1]
+    half = 2 * m
+    n, l, radius, stress = work[_N], work[_L], work[_RADIUS], work[_STRESS]
+    nu_n, nu_m = _viscosity(d.mu_n, d.lambda_n), _viscosity(d.mu_m, d.lambda_m)
+    inner = _slip_at(d, y, work, 0)
+    for i in range(N):
+        outer = _slip_at(d, y, work, i + 1)
+        mean, a, s = _strains(d, W, radius[i], radius[i + 1])
+        t_p, t_m, x_p, x_m = _drag_cell(d, work, i, a, s)
+        force, hoop = t_p * outer + t_m * inner, x_p * outer + x_m * inner
+        product = work[_NC, i] * work[_CC, i]
+        product_n = _floored_slope(n[i], d.floor) * work[_CC, i] - work[_NC, i] * _floored_slope(1.0 - n[i], d.floor)
+        # derivatives of the coefficients, times w, with respect to the fraction of either face
+        n_m, c_m = work[_NF_N, i], work[_CF_N, i]
+        n_p, c_p = (work[_NF_N, i + 1], work[_CF_N, i + 1]) if i < N - 1 else (0.0, 0.0)
+        t_p_n = product * (a * (nu_m * n_p + nu_n * c_p) + s * (d.lambda_m * n_p + d.lambda_n * c_p)) * outer
+        t_m_n = product * (-a * (nu_m * n_m + nu_n * c_m) + s * (d.lambda_m * n_m + d.lambda_n * c_m)) * inner
+        x_p_n = 2.0 * product * (a - s) * (d.mu_m * n_p + d.mu_n * c_p) * outer
+        x_m_n = -2.0 * product * (a + s) * (d.mu_m * n_m + d.mu_n * c_m) * inner
+        inner_n = 0.0
+        if i == 0:
+            inner_n = -inner / work[_CF, 0] * work[_CF_N, 0]
+            t_m_n += t_m * inner_n
+            x_m_n += x_m * inner_n
+        for f in (i, i + 1):
+            if not 0 < f < N:
+                continue
+            row, r = m * (f - 1) + 2, radius[f]
+            sign = 1.0 if f == i else -1.0
+            hoop_weight = -0.5 * h * W / r if d.annulus else 0.0
+            S_f = _outer_stress(d, y, f)
+            mixed, mixed_n = n[i] * (1.0 - n[i]), 1.0 - 2.0 * n[i]
+            by_n = -r * S_f + r * mixed_n * stress[i] - r * force * product_n / product
+            if d.annulus:
+                by_n += 2.0 * (d.mu_m - d.mu_n) * V / r * mixed_n
+                jac[row, 1 + half] -= sign * r * n[i]
+            by_n = sign * by_n + hoop_weight * hoop * product_n / product
+            jac[row, m * i - row + half] += by_n / W
+            jac[row, m * i + 1 - row + half] += sign * r * mixed * _stress_slope(l[i], d.A, d.B, d.k) / W
+            _add_fraction(d, jac, row, i, (-sign * r * t_m_n + hoop_weight * x_m_n) / W)
+            if i > 0:
+                jac[row, m * (i - 1) + 2 - row + half] += -sign * r * t_m + hoop_weight * x_m
+            if i < N - 1:
+                _add_fraction(d, jac, row, i + 1, (-sign * r * t_p_n + hoop_weight * x_p_n) / W)
+                jac[row, m * i + 2 - row + half] += -sign * r * t_p + hoop_weight * x_p
+            if f == i + 1:
+                jac[row, half] += h * W * d.b * work[_NF, f] * work[_CF, f]
+                zeta_n = work[_NF_N, f] * work[_CF, f] + work[_NF, f] * work[_CF_N, f]
+                _add_fraction(d, jac, row, f, h * W * d.b * zeta_n * outer / W)
+        if d.annulus and i > 0:
+            row, scale = m * (i - 1) + 3, W / (N * mean)
+            jac[row, half] -= 1.0
+            jac[row, half + m] += 1.0
+            fn_m, fn_p, fc_m, fc_p = work[_NF, i], work[_NF, i + 1], work[_CF, i], work[_CF, i + 1]
+            g = a * (fn_p * outer - fn_m * inner) - s * (fn_p * outer + fn_m * inner)
+            k = a * (fc_p * outer - fc_m * inner) - s * (fc_p * outer + fc_m * inner)
+            weight, mu_c, mu_n = 2.0 * scale / mean, d.mu_m * (1.0 - n[i]), d.mu_n * n[i]
+            shear_n = d.mu_n - d.mu_m
+            jac[row, m * i - row + half] -= (-4.0 * scale * shear_n * V / mean**3 - weight * (d.mu_m * g + d.mu_n * k)) / W
+            _add_fraction(d, jac, row, i, weight * (a + s) * (mu_c * n_m - mu_n * c_m) * inner / W)
+            jac[row, m * (i - 1) + 2 - row + half] += weight * (a + s) * (mu_c * fn_m - mu_n * fc_m)
+            if i < N - 1:
+                _add_fraction(d, jac, row, i + 1, -weight * (a - s) * (mu_c * n_p - mu_n * c_p) * outer / W)
+                jac[row, m * i + 2 - row + half] -= weight * (a - s) * (mu_c * fn_p - mu_n * fc_p)
+        inner = outer
+    if d.annulus:
+        jac[m * (N - 1) + 3, half] += 1.0
+
+
+@njit(error_model="numpy")
+def size_of(d: Data, y: Array, e: Array) -> float:
+    """The largest of: root mean square error of n, of l over its scale, and the relative error of W; in units of rtol."""
+    N, m = d.cells, d.stride
+    W, e_W = y[m * N], e[m * N]
+    square_n = square_l = largest = 0.0
+    for i in range(N):
+        n, l = y[m * i] / W, y[m * i + 1] / W
+        d_n, d_l = (e[m * i] - n * e_W) / W, (e[m * i + 1] - l * e_W) / W
+        square_n += d_n * d_n
+        square_l += d_l * d_l
+        largest = max(largest, abs(l))
+    scale = max(largest, 1e-3 * d.l_reference)
+    return max(abs(e_W) / W, np.sqrt(square_n / N), np.sqrt(square_l / N) / scale) / d.rtol
+
+
+@njit(error_model="numpy")
+def admit(d: Data, y: Array, work: Array) -> int:
+    """Bring n back into [0, 1] with its sum kept. Refuses a step after which n (1) or l (2) has left its range by more than rtol, W is not
+    positive (3), or the drag form is ill-posed for want of any viscosity (4); 0 otherwise."""
+    N, m = d.cells, d.stride
+    W = y[m * N]
+    if not W > 0.0:
+        return 3
+    excess = largest = lowest = 0.0
+    give = take = 0.0
+    for i in range(N):
+        amount, l = y[m * i], y[m * i + 1] / W
+        if amount < -d.rtol * W or amount > (1.0 + d.rtol) * W:
+            return 1
+        largest, lowest = max(largest, abs(l)), min(lowest, l)
+        inside = min(max(amount, 0.0), W)
+        excess += amount - inside
+        give += inside
+        take += W - inside
+    if lowest < -d.rtol * max(largest, 1e-3 * d.l_reference):
+        return 2
+    if excess != 0.0:
+        for i in range(N):
+            inside = min(max(y[m * i], 0.0), W)
+            room = inside if excess < 0.0 else W - inside
+            y[m * i] = inside + room * (excess / max(give if excess < 0.0 else take, abs(excess)))
+    if d.drag and _viscosity(d.mu_n, d.lambda_n) == 0.0 and _viscosity(d.mu_m, d.lambda_m) == 0.0:
+        for i in range(N):
+            if _drag_diffusivity(y[m * i] / W, _stress(y[m * i + 1] / W, d.A, d.B, d.k), d.p_out) < 0.0:
+                return 4
+    return 0
+
+
+@njit(error_model="numpy")
+def settle(d: Data, t: float, y: Array, jac: Array, band: Array, pivots: Array, work: Array) -> bool:
+    """Bring the algebraic part of `y` (V, w, S) onto its equations, which are linear in w and S. False if they are singular.
+
+    `jac`, `band` and `pivots` are work space as in `multiphase.radau.Work`.
+    """
+    N, m = d.cells, d.stride
+    size, half = m * N, 2 * m
+    W = y[size]
+    for i in range(N):
+        y[m * i + 2] = 0.0
+        if m == 4:
+            y[m * i + 3] = 0.0
+    l_wall = _wall_concentration(y[1] / W, 0.5 * W / (N * d.inner_radius), influx(d, t), d.Psi_m)
+    y[size + 1] = d.inner_radius * _growth_rate(l_wall, d.Psi_m)
+    f = np.empty(y.size)
+    scratch = np.empty(y.size)
+    rates(d, t, y, f, work)
+    columns, q_rows = np.empty((BORDER, size)), np.empty((INTEGRALS, size))
+    rows, corner, q_corner = np.empty((BORDER, size)), np.empty((BORDER, BORDER)), np.empty((INTEGRALS, BORDER))
+    tangent(d, t, y, f, jac, columns, rows, corner, q_rows, q_corner, work, scratch)
+    band[:, :] = 0.0
+    for i in range(size):
+        if i % m < 2:
+            band[i, half] = 1.0
+            f[i] = 0.0
+        else:
+            for j in range(2 * half + 1):
+                band[i, j] = jac[i, j]
+    if not _factor(band, half, pivots):
+        return False
+    change = -f[:size]
+    _solve(band, half, pivots, change)
+    for i in range(size):
+        if i % m >= 2:
+            y[i] += change[i]
+    return True
+
+
+@njit(error_model="numpy")
+def newton_step(
+    d: Data, mass: Array, t: float, alpha: float, past: Array, y: Array, tolerance: float, most: int, w: Any
+) -> tuple[int, int, float]:
+    """Solve ``M (alpha (y - past)) = f(t, y)`` by Newton's method from `y`, which is overwritten; the integrals advance by the same
+    formula, so balances hold after each iteration.
+
+    Returns the code of `multiphase.radau`, the iterations, and the last change in units of the tolerated error.
+    """
+    total, rest = y.size, mass.size
+    change, last = 0.0, 0.0
+    for iteration in range(1, most + 1):
+        rates(d, t, y, w.f_0, w.model)
+        tangent(d, t, y, w.f_0, w.jac, w.columns, w.rows, w.corner, w.q_rows, w.q_corner, w.model, w.scratch)
+        if not _shifted(alpha, mass, w.jac, w.columns, w.rows, w.corner, w.band, w.pivots, w.real_columns, w.real_rows, w.real_corner):
+            return radau.SINGULAR, iteration, change
+        for k in range(total):
+            mass_k = mass[k] if k < rest else 1.0
+            w.vector[k] = w.f_0[k] - mass_k * alpha * (y[k] - past[k])
+        _resolve(alpha, w.band, w.pivots, w.real_columns, w.real_rows, w.real_corner, w.q_rows, w.q_corner, w.vector)
+        change = size_of(d, y, w.vector)
+        if not np.isfinite(change):
+            return radau.DIVERGED, iteration, change
+        for k in range(total):
+            y[k] += w.vector[k]
+        if not y[d.stride * d.cells] > 0.0:
+            return radau.OUT_OF_BOUNDS, iteration, 3.0
+        rate = change / last if last > 0.0 else 1.0
+        if change * min(1.0, rate) <= tolerance:
+            broken = admit(d, y, w.model)
+            return (radau.OUT_OF_BOUNDS, iteration, float(broken)) if broken else (radau.DONE, iteration, change)
+        if iteration > 2 and rate > 2.0:
+            return radau.DIVERGED, iteration, change
+        last = change
+    return radau.DIVERGED, most, change

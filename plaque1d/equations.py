@@ -86,12 +86,12 @@ def growth_rate(l_wall: Number, Psi_m: float) -> Number:
     return Psi_m * l_wall
 
 
-def necrotic_velocity(V: float, n: Array, w: Array) -> Array:
+def necrotic_velocity(V: float | Array, n: Array, w: Array) -> Array:
     """u_n = V - c w."""
     return V - (1.0 - n) * w
 
 
-def macrophage_velocity(V: float, n: Array, w: Array) -> Array:
+def macrophage_velocity(V: float | Array, n: Array, w: Array) -> Array:
     """u_m = V + n w."""
     return V + n * w
 
@@ -115,7 +115,7 @@ def short_wave_excess_slopes(n: Array, w: Array, nu_n: float, nu_m: float) -> tu
     return w * nu_m * nu_n / mean**2, n * nu_m / mean
 
 
-def pressure(p_out: float, n: Array, stress: Array, strain_n: Array, strain_m: Array, nu_n: float, nu_m: float) -> Array:
+def pressure(p_out: float | Array, n: Array, stress: Array, strain_n: Array, strain_m: Array, nu_n: float, nu_m: float) -> Array:
     """Pressure of the necrotic phase, the sum of (3.8d) and (3.8e) integrated from the outer wall:
     ``p_n = p_out - c Sigma + n nu_n u_n,x + c nu_m u_m,x``."""
     return p_out - (1.0 - n) * stress + n * nu_n * strain_n + (1.0 - n) * nu_m * strain_m

@@ -5,7 +5,7 @@ A script passes a function to ``simulate(..., solver="fipy", extra_terms=functio
 
     "n":       (L n)_t + ( n (u_n - xi V) )_xi            = k_m L l c  + added
     "l":       (L l)_t + ( l (V - xi V) - l_xi / L )_xi   = -k_l L l c + added
-    "w":       the slip equation of `plaque1d.discretisation`, divided by h (on the faces)
+    "w":       the slip equation of `plaque1d.discretisation`, divided by h L (on the faces)
     a species: (L s)_t + ( s (V - xi V) - D s_xi / L )_xi = added
 
 as FiPy terms with `var=` set, FiPy variables, or sums of both. Per unit xi: a source per volume is multiplied by L.
@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from multiphase.errors import ParameterError
-from multiphase.geometry import MovingGrid
+from multiphase.geometry import MovingGrid, relative_velocity
 from multiphase.parameters import nearest
-from plaque1d.discretisation import ldl_flux
+from plaque1d.discretisation import upwinded
 
 if TYPE_CHECKING:
-    from plaque1d.tangent import Layout
+    from plaque1d.fipy_terms import Layout
 
 Array = NDArray[np.float64]
 ExtraTerms = Callable[["Extension"], Mapping[str, Any]]
@@ -178,12 +178,13 @@ class Extension:
         if value.shape != (size,):
             raise ParameterError("extra_terms", f"what is added to {name!r} has shape {value.shape}; this equation has ({size},).")
 
-    def initial(self, u: Array, layout: Layout, L: float) -> None:
-        """Write the initial products L s into the loop's vector."""
+    def initial(self, L: float) -> Array:
+        """The initial products L s of all species, one after the other."""
+        x = self.grid.centres * L
+        products = np.empty((len(self.species), len(x)))
         for i, species in enumerate(self.species.values()):
-            x = self.grid.centres * L
-            value = species.initial(x) if callable(species.initial) else species.initial
-            u[layout.extra(i)] = L * np.broadcast_to(np.asarray(value, dtype=float), x.shape)
+            products[i] = L * np.asarray(species.initial(x) if callable(species.initial) else species.initial, dtype=float)
+        return products.ravel()
 
     def scales(self, L: float) -> Array:
         """Typical size of each species, at an initial width L."""
@@ -196,7 +197,7 @@ class Extension:
         return np.array(sizes)
 
     def load(self, t: float, L: float, V: float, x: Array, past: Array, layout: Layout) -> None:
-        """Put an iterate into the variables."""
+        """Put an iterate, and the weighted past of the species' values, into the variables."""
         self.t.setValue(t)
         self.V.setValue(V)
         for variable, function, xi in self._sources:
@@ -204,14 +205,17 @@ class Extension:
         h = self.grid.spacing
         for i, species in enumerate(self.species.values()):
             value = x[layout.extra(i)]
-            species.variable.setValue(past[layout.extra(i)] / past[layout.L])
+            species.variable.setValue(past[i * layout.cells : (i + 1) * layout.cells])
             species.variable.updateOld()
             species.variable.setValue(value)
-            flux = ldl_flux(value, L, V, self.grid.faces[1:-1], h, species.diffusivity)
+            velocity = np.zeros(self.grid.cells + 1)
+            conductance = np.zeros(self.grid.cells + 1)
+            velocity[1:-1] = relative_velocity(V, self.grid.faces[1:-1], V)
+            conductance[1:-1] = upwinded(species.diffusivity / (h * L), velocity[1:-1])
             inner = np.zeros(self.grid.cells)
             inner[0] = (species.influx(t) if callable(species.influx) else species.influx) / h
-            species.velocity.setValue(np.concatenate([[0.0], flux.velocity, [0.0]])[None, :])
-            species.conductance.setValue(np.concatenate([[0.0], flux.conductance * h, [0.0]]))
+            species.velocity.setValue(velocity[None, :])
+            species.conductance.setValue(conductance * h)
             species.source.setValue(inner)
 
     def _evaluate(self, dt: float) -> dict[str, Array]:
@@ -263,7 +267,7 @@ class Extension:
                     row = rows[target]
                     nearest_probed = colour + 3 * np.round((row - target.start - colour) / 3.0).astype(int)
                     entries.append((row, place.start + np.clip(nearest_probed, colour, index[-1]), difference[row]))
-        for scalar in (layout.L, layout.V):
+        for scalar in (layout.W, layout.V):
             difference = probe(np.array([scalar]), 1e-7 * max(1e-3, abs(float(x[scalar]))))
             entries.append((rows, np.full_like(rows, scalar), difference))
         load(x)

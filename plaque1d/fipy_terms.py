@@ -1,16 +1,16 @@
-"""Pieces of the FiPy scheme that stand on their own: FiPy itself, transport on the moving grid, and sums free of rounding."""
+"""Pieces of the FiPy scheme that stand on their own: FiPy itself, its order of the unknowns, transport on the moving grid, and sums free
+of rounding."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from multiphase.geometry import MovingGrid
+from scipy.sparse import csc_matrix
 
 Array = NDArray[np.float64]
 
@@ -29,12 +29,68 @@ def import_fipy() -> Any:
     return fipy
 
 
-def cell_averages(function: Callable[..., Array], grid: MovingGrid, L: float) -> Array:
-    """Averages over the cells of a function of x and xi, by Gauss's rule of three points."""
-    points, weights = np.polynomial.legendre.leggauss(3)
-    xi = grid.centres[:, None] + 0.5 * grid.spacing * points
-    values = np.asarray(function(x=L * xi.ravel(), xi=xi.ravel()), dtype=float).reshape(xi.shape)
-    return values @ (0.5 * weights)
+@dataclass(frozen=True)
+class Layout:
+    """Where each unknown stands in the Newton vector of the FiPy scheme: n, l (cells), w (interior faces), W, V, species."""
+
+    cells: int
+    species: int = 0
+
+    @property
+    def n(self) -> slice:
+        return slice(0, self.cells)
+
+    @property
+    def l(self) -> slice:  # noqa: E743 - the paper's symbol
+        return slice(self.cells, 2 * self.cells)
+
+    @property
+    def w(self) -> slice:
+        return slice(2 * self.cells, 3 * self.cells - 1)
+
+    @property
+    def W(self) -> int:
+        return 3 * self.cells - 1
+
+    @property
+    def V(self) -> int:
+        return 3 * self.cells
+
+    @property
+    def base(self) -> int:
+        """Unknowns without species."""
+        return 3 * self.cells + 1
+
+    def extra(self, index: int) -> slice:
+        """Species number `index`."""
+        first = self.base + index * self.cells
+        return slice(first, first + self.cells)
+
+    @property
+    def unknowns(self) -> int:
+        return self.base + self.species * self.cells
+
+
+def scattered(jac: Array, columns: Array, rows: Array, corner: Array, stride: int) -> csc_matrix:
+    """The tangent of `plaque1d.discretisation`, three unknowns a cell, in the order of `Layout`."""
+    size, width = jac.shape
+    half, cells = (width - 1) // 2, size // stride
+    layout = Layout(cells)
+    kind = np.arange(size) % stride
+    place = np.choose(kind, [layout.n.start, layout.l.start, layout.w.start]) + np.arange(size) // stride
+    place[-1] = -1  # the slip at the outer wall is no unknown
+    row = np.repeat(np.arange(size), width)
+    column = row + np.tile(np.arange(width) - half, size)
+    value = jac.ravel()
+    keep = (column >= 0) & (column < size)
+    parts = [(place[row[keep]], place[column[keep]], value[keep])]
+    for index, border in enumerate((layout.W, layout.V)):
+        parts.append((place, np.full(size, border), columns[index]))
+        parts.append((np.full(size, border), place, rows[index]))
+        parts.append((np.full(2, border), np.array([layout.W, layout.V]), corner[index]))
+    r, c, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+    inside = (r >= 0) & (c >= 0)
+    return csc_matrix((v[inside], (r[inside], c[inside])), shape=(layout.base, layout.base))
 
 
 class NecroticTransport:
@@ -78,8 +134,3 @@ def without_rounding(residual: Array, total: float, size: float) -> Array:
     if abs(defect) > 1e3 * np.finfo(float).eps * len(residual) * size:
         return residual
     return residual + defect / len(residual)
-
-
-def closed(inner: Array) -> Array:
-    """Interior face values with zero at both ends."""
-    return np.concatenate([[0.0], inner, [0.0]])

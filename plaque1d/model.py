@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,20 +11,16 @@ import numpy as np
 from multiphase.errors import ParameterError
 from multiphase.model import Model, Panel, Quantity
 from multiphase.plan import Plan
-from multiphase.stepping import Snapshot, State, Tracker
-from plaque1d import equations as eq
+from multiphase.stepping import Tracker
 from plaque1d.parameters import PRESETS, PlaqueGeometry, PlaqueInitial, PlaqueParameters, PlaqueSolver, check
+from plaque1d.stability import ShortWaves, drag_warning
 
 if TYPE_CHECKING:
     from multiphase.result import Result
     from multiphase.scene import Scene
     from plaque1d.extensions import ExtraTerms
 
-logger = logging.getLogger("multiphase")
-
 VELOCITY = {"length": 1, "time": -1}
-GROWTH_TO_WARN = 5.0
-"""Exponent of the growth of short waves by the end from which the drag form is warned about."""
 
 _QUANTITIES = (
     Quantity("n", "n", "necrotic fraction"),
@@ -61,6 +56,8 @@ def _check(scene: Scene) -> None:
     if scene.output.vtk:
         raise ParameterError("output.vtk", "a copy for ParaView is for models in two dimensions; export the plaque as .csv instead.")
     check(scene.parameters, scene.initial)
+    if scene.geometry.annulus and scene.solver.method == "fipy" and scene.parameters.momentum == "drag":
+        raise ParameterError("solver.method", '"fipy" has no drag form in the annulus; write method = "lines", or change the form.')
     solver, end = scene.solver, scene.time.end
     if solver.dt is not None and end / solver.dt > solver.max_steps:
         raise ParameterError(
@@ -68,85 +65,61 @@ def _check(scene: Scene) -> None:
         )
 
 
+_TIME = {
+    "radau": "Radau IIA of order five with error control and dense output",
+    "bdf2": "error-controlled BDF of order two",
+    "backward-euler": "backward Euler",
+}
+
+
 def _plan(scene: Scene) -> Plan:
-    """FiPy on the slab; what is eliminated, and a warning where the drag form grows short waves."""
+    """Which method, geometry and form; what is eliminated; a warning where the drag form grows short waves."""
     p: PlaqueParameters = scene.parameters
-    cells = scene.solver.cells
+    geometry: PlaqueGeometry = scene.geometry
+    cells, (method, time_scheme) = scene.solver.cells, scene.solver.resolved
     form = "with the interfacial force p_n grad n" if p.momentum == "interfacial" else "drag only, as printed"
     wall = "n_x(0, t) = 0" if p.inner_wall == "no_gradient" else f"n(0, t) = {p.inner_wall:g}"
+    how = "compiled finite volumes" if method == "lines" else "Newton's method on FiPy's finite volumes"
     return Plan(
-        solver="fipy",
-        geometry=f"slab, 0 <= x <= L(t), {cells} equal cells in xi = x / L",
-        equations=(
-            "necrotic phase      (L n)_t + (n (u_n - xi V))_xi = k_m L l c             (3.10a)",
-            "modified LDL        (L l)_t + (l (V - xi V) - l_xi / L)_xi = -k_l L l c    (3.10b)",
-            f"slip w = u_m - u_n  difference of the momentum balances, {form}  (3.8d,e)",
-            "width               L' = V = Psi_m l(0, t)                                (3.9)",
-        ),
-        unknowns=3 * cells + 1,
+        solver=method,
+        geometry=_domain(geometry, cells),
+        equations=_equations(geometry, form),
+        unknowns=(4 if geometry.annulus and p.momentum == "drag" else 3) * cells + 1,
         dropped=(
             "c = 1 - n: the fractions add to one",
             "p_n: the sum of the momentum balances, integrated from the outer wall, gives it afterwards",
-            "the mixture velocity: it is uniform and equals V",
+            "the mixture velocity: it is V" + (" R_2 / r" if geometry.annulus else ", uniform"),
         ),
         reasons=(
             f"inner wall: {wall}, the condition that the printed equations leave open",
-            "method fipy: Newton's method on FiPy's finite volumes, error-controlled "
-            + ("BDF2" if scene.solver.time_scheme == "bdf2" else "backward Euler"),
+            f"method {method}: {how}, {_TIME[time_scheme]}",
         ),
         warnings=drag_warning(p, scene.initial, scene.time.end),
     )
 
 
-def _short_wave_rate(p: PlaqueParameters, n: Any, l: Any) -> float:
-    """Largest growth rate of short waves in the drag form, ``((1 - 2n) Sigma - p_out) / (nu_m n + nu_n c)``; 0 where none grow."""
-    diffusivity = eq.drag_diffusivity(n, eq.extra_stress(l, p.A, p.B, p.k), p.p_out)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rates = -diffusivity / np.asarray(eq.mean_viscosity(n, p.nu_n, p.nu_m))
-    return max(0.0, float(np.max(np.where(diffusivity < 0.0, rates, 0.0))))
+def _domain(geometry: PlaqueGeometry, cells: int) -> str:
+    if not geometry.annulus:
+        return f"slab, 0 <= x <= L(t), {cells} equal cells in xi = x / L"
+    return f"annulus, R_1 = {geometry.inner_radius:g} <= r <= R_1 + L(t), {cells} cells of equal area"
 
 
-def drag_warning(p: PlaqueParameters, initial: PlaqueInitial, t_end: float) -> tuple[str, ...]:
-    """A sentence when the drag form grows short waves by more than exp(5) until the end, judged from the initial state."""
-    if p.momentum != "drag":
-        return ()
-    xi = np.linspace(0.0, 1.0, 201)
-    rate = _short_wave_rate(p, initial.n(x=initial.L * xi, xi=xi), initial.l(x=initial.L * xi, xi=xi))
-    if rate * t_end <= GROWTH_TO_WARN:
-        return ()
+def _equations(geometry: PlaqueGeometry, form: str) -> tuple[str, ...]:
+    """One line for each equation that is solved."""
+    slip = f"slip w = u_m - u_n  difference of the momentum balances, {form}  (3.8d,e)"
+    if not geometry.annulus:
+        return (
+            "necrotic phase      (L n)_t + (n (u_n - xi V))_xi = k_m L l c             (3.10a)",
+            "modified LDL        (L l)_t + (l (V - xi V) - l_xi / L)_xi = -k_l L l c    (3.10b)",
+            slip,
+            "width               L' = V = Psi_m l(0, t)                                (3.9)",
+        )
     return (
-        f"momentum = drag is ill-posed for short waves here: they grow like exp({rate:.3g} t), {rate * t_end:.3g} e-foldings by the end, "
-        f"so finer meshes do not converge. {_cure(p)}",
+        "necrotic phase      (W n)_t + (n (r u_n - eta W'))_eta = k_m W l c, W = (R_2^2 - R_1^2)/2, eta = (r^2 - R_1^2)/(2 W)  (3.3)",
+        "modified LDL        (W l)_t + (l (1 - eta) W' - r^2 l_eta / W)_eta = -k_l W l c  (3.3)",
+        slip,
+        "area                W' = R_1 Psi_m l(R_1, t)  (3.7)",
     )
-
-
-def _cure(p: PlaqueParameters) -> str:
-    return f"parameters.p_out of {p.A:g} (A) or more, or momentum = interfacial, cures it."
-
-
-class ShortWaves(Tracker):
-    """Warns once when short waves of the drag form may have grown by more than exp(5) since the start of the run."""
-
-    def __init__(self, parameters: PlaqueParameters) -> None:
-        self._parameters = parameters
-        self._growth: float | None = 0.0
-        self._last = 0.0
-
-    def on_save(self, state: State, snapshot: Snapshot) -> None:
-        if self._growth is None:
-            return
-        rate = _short_wave_rate(self._parameters, snapshot.fields["n"], snapshot.fields["l"])
-        self._growth += rate * (snapshot.t - self._last)
-        self._last = snapshot.t
-        if self._growth > GROWTH_TO_WARN:
-            logger.warning(
-                "momentum = drag has become ill-posed for short waves by t = %.6g: where n is below 1/2 they have grown by some %.0f "
-                "e-foldings, so finer meshes do not converge. %s",
-                snapshot.t,
-                self._growth,
-                _cure(self._parameters),
-            )
-            self._growth = None
 
 
 def _trackers(scene: Scene) -> tuple[Tracker, ...]:
@@ -154,9 +127,18 @@ def _trackers(scene: Scene) -> tuple[Tracker, ...]:
 
 
 def _scheme(scene: Scene, plan: Plan, *, extra_terms: ExtraTerms | None = None) -> Any:
-    from plaque1d.fipy_scheme import FipyScheme
+    solver, geometry = scene.solver, scene.geometry
+    method, time_scheme = solver.resolved
+    if method == "fipy":
+        from plaque1d.fipy_scheme import FipyScheme
 
-    return FipyScheme(scene.parameters, scene.initial, scene.solver.cells, scene.solver.rtol, extra_terms)
+        return FipyScheme(scene.parameters, scene.initial, geometry, solver.cells, solver.rtol, extra_terms)
+    if extra_terms is not None:
+        raise ParameterError("solver.method", f'"{solver.method}" takes no extra_terms; they are FiPy terms, so write method = "fipy".')
+    from plaque1d.lines_scheme import LinesScheme, RadauLines
+
+    scheme = RadauLines if time_scheme == "radau" else LinesScheme
+    return scheme(scene.parameters, scene.initial, geometry, solver.cells, solver.rtol)
 
 
 def _summary(result: Result) -> list[tuple[str, str]]:
@@ -216,7 +198,7 @@ def simulate(
     solver: str = "auto",
     cells: int = 100,
     rtol: float = 1e-4,
-    time_scheme: str = "bdf2",
+    time_scheme: str = "auto",
     dt: float | None = None,
     max_steps: int = 100_000,
     save_at: Sequence[float] | None = None,
@@ -242,12 +224,14 @@ def simulate(
     t_end : float
         End of the run (dimensionless, as everything here).
     geometry : "slab" or PlaqueGeometry
-    solver : {"auto", "fipy"}
+        ``PlaqueGeometry(kind="annulus", lumen_radius=10.0)`` for the wall of a round vessel.
+    solver : {"auto", "lines", "fipy"}
+        The compiled method of lines ("auto" without `extra_terms`), or FiPy.
     cells : int
         Equal cells in xi = x / L. The error of n falls as 1/cells^2.
     rtol : float
         Accuracy in time: local errors of the fractions and relative errors of l and L.
-    time_scheme : {"bdf2", "backward-euler"}
+    time_scheme : {"auto", "radau", "bdf2", "backward-euler"}
     dt : float, optional
         A fixed step; the error is then not controlled.
     save_at : sequence of float, optional
@@ -279,6 +263,8 @@ def simulate(
     """
     from multiphase.run import make_scene, run
 
+    if extra_terms is not None and solver == "auto":
+        solver = "fipy"
     settings = {"method": solver, "cells": cells, "rtol": rtol, "time_scheme": time_scheme, "dt": dt, "max_steps": max_steps}
     scene = make_scene(
         MODEL,

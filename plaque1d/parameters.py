@@ -16,7 +16,7 @@ from multiphase.errors import ParameterError
 from multiphase.functions import PositionFunction, TimeSeries
 from multiphase.model import Preset
 from multiphase.parameters import nearest, parameter, validate
-from plaque1d.equations import drag_diffusivity, extra_stress, viscosity
+from plaque1d.equations import Number, drag_diffusivity, extra_stress, viscosity
 
 POSITIONS = 2001
 """Points of the initial state at which `check` looks."""
@@ -154,18 +154,60 @@ class PlaqueInitial:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaqueGeometry:
-    """The shape of the wall: a slab, 0 <= x <= L(t)."""
+    """The shape of the wall.
 
-    kind: str = parameter("slab", symbol="-", doc="the kind of geometry")
+    Attributes
+    ----------
+    kind : "slab" or "annulus"
+        A flat intima, 0 <= x <= L(t), or the wall of a round vessel, R_1 <= r <= R_1 + L(t), that is the same all round.
+    lumen_radius : float or None
+        R_1, which stays as it is: the wall grows outwards. Needed in the annulus, meaningless in the slab.
+    """
+
+    kind: str = parameter("slab", symbol="-", choices=("slab", "annulus"), doc="the kind of geometry")
+    lumen_radius: float | None = parameter(
+        None, symbol="R_1", kind="number", low=0.0, low_open=True, high=LARGEST, doc="the radius of the lumen, R_1,"
+    )
 
     table: ClassVar[str] = "geometry"
 
     def __post_init__(self) -> None:
         validate(self, self.table)
-        if self.kind != "slab":
+        if self.kind == "annulus" and self.lumen_radius is None:
             raise ParameterError(
-                f"{self.table}.kind", f'"{self.kind}" cannot be used; only the slab is built in this version, so write kind = "slab".'
+                f"{self.table}.lumen_radius", "an annulus needs the radius of its lumen, in the unit of L: lumen_radius = 10, for instance."
             )
+        if self.kind == "slab" and self.lumen_radius is not None:
+            raise ParameterError(
+                f"{self.table}.lumen_radius",
+                f'{self.lumen_radius:g} has no meaning in a slab; leave it out, or write kind = "annulus".',
+            )
+
+    @property
+    def annulus(self) -> bool:
+        """Whether the wall is curved."""
+        return self.kind == "annulus"
+
+    @property
+    def inner_radius(self) -> float:
+        """R_1; 1 in the slab, whose size per radian of a circle of radius 1 is its width."""
+        return self.lumen_radius if self.lumen_radius is not None else 1.0
+
+    def size(self, L: float) -> float:
+        """Size W of a wall of width L: L itself, or the area per radian ``((R_1 + L)^2 - R_1^2)/2``."""
+        return L * (self.inner_radius + 0.5 * L) if self.annulus else L
+
+    def width(self, W: Number) -> Number:
+        """Width L of a wall of size W; the inverse of `size`, without cancellation."""
+        if not self.annulus:
+            return W
+        R_1 = self.inner_radius
+        width: Number = 2.0 * W / (R_1 + np.sqrt(R_1 * R_1 + 2.0 * W))
+        return width
+
+    def position(self, share: Number, W: float) -> Number:
+        """Distance x from the endothelium within which a share of the wall lies, from 0 to 1."""
+        return self.width(share * W)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,22 +216,24 @@ class PlaqueSolver:
 
     Attributes
     ----------
-    method : "auto" or "fipy"
+    method : "auto", "lines" or "fipy"
+        The compiled method of lines, which "auto" stands for, or FiPy, which takes further terms and species.
     cells : int
         Number of cells across the intima, 4 or more.
     rtol : float
         Accuracy asked of each time step, greater than 0 and at most 0.1.
-    time_scheme : "bdf2" or "backward-euler"
+    time_scheme : "auto", "radau", "bdf2" or "backward-euler"
+        "auto" is Radau IIA of order five for lines, and BDF of order two for fipy, which has no other of high order.
     dt : float or None
         A fixed time step; None lets the error control choose.
     max_steps : int
         Steps after which the run gives up.
     """
 
-    method: str = parameter("auto", symbol="-", choices=("auto", "fipy"), doc="the method")
+    method: str = parameter("auto", symbol="-", choices=("auto", "lines", "fipy"), doc="the method")
     cells: int = parameter(100, symbol="N", low=4, high=1_000_000, doc="the number of cells")
     rtol: float = parameter(1e-4, symbol="rtol", low=1e-12, high=0.1, doc="the accuracy rtol")
-    time_scheme: str = parameter("bdf2", symbol="-", choices=("bdf2", "backward-euler"), doc="the time scheme")
+    time_scheme: str = parameter("auto", symbol="-", choices=("auto", "radau", "bdf2", "backward-euler"), doc="the time scheme")
     dt: float | None = parameter(None, symbol="Δt", kind="number", low=0.0, low_open=True, doc="the fixed time step dt")
     max_steps: int = parameter(100_000, symbol="-", low=1, doc="the largest number of steps")
 
@@ -197,6 +241,17 @@ class PlaqueSolver:
 
     def __post_init__(self) -> None:
         validate(self, self.table)
+        if self.method == "fipy" and self.time_scheme == "radau":
+            raise ParameterError(
+                f"{self.table}.time_scheme", '"radau" comes with the method "lines" only; take method = "lines", or time_scheme = "bdf2".'
+            )
+
+    @property
+    def resolved(self) -> tuple[str, str]:
+        """Method and time scheme that "auto" stands for."""
+        method = "lines" if self.method == "auto" else self.method
+        scheme = self.time_scheme if self.time_scheme != "auto" else "radau" if method == "lines" else "bdf2"
+        return method, scheme
 
 
 def find_preset(name: str) -> Preset:

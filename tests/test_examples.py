@@ -25,7 +25,7 @@ def _in_a_folder_of_its_own(tmp_path, monkeypatch):
 
 def test_every_example_is_short_and_tested():
     found = {path.stem: len(path.read_text(encoding="utf-8").splitlines()) for path in EXAMPLES.glob("*.py")}
-    assert set(found) == {"first_plaque", "drag_or_interfacial", "hdl_removes_modldl", "mouse_and_human"}
+    assert set(found) == {"first_plaque", "drag_or_interfacial", "hdl_removes_modldl", "mouse_and_human", "stability_of_the_plaque"}
     assert found["first_plaque"] <= 30
     assert max(found.values()) <= 120
 
@@ -62,3 +62,19 @@ def test_mouse_and_human_grow_at_the_rates_they_were_chosen_for():
     # within a factor 2 of 6 µm a week (assumed for mice on an atherogenic diet) and 11.8 µm a year (measured, carotid intima-media, MESA)
     assert 3.0 < mouse["L_rate"][-1] < 12.0
     assert 6.0 < human["L_rate"][-1] < 24.0
+
+
+def test_stability_of_the_plaque(capsys):
+    modes = _load("stability_of_the_plaque").main()
+    sigma = 0.1 / 1.02
+    shortest, finite = modes["drag"], modes["drag, viscosity x 100"]
+    assert shortest.wavelength == 0.0
+    assert shortest.rate == pytest.approx(0.4 * sigma / 0.01 - 0.02, rel=1e-12)  # ((1 - 2n) Sigma - p_out) / nu - k_m l
+    assert finite.wavelength == pytest.approx(2.5875, abs=1e-3)  # by brute force, tests/plaque1d/test_stability.py
+    assert finite.rate > 0.4 * sigma / 1.0 - 0.02
+    assert not modes["drag, p_out = A"].grows
+    assert not modes["interfacial"].grows
+    said = capsys.readouterr().out
+    assert "most dangerous wavelength 2.587," in said
+    assert f"{0.4 * sigma:.4g}" in said
+    assert Path("stability_of_the_plaque.png").stat().st_size > 10_000

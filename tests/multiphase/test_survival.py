@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +23,16 @@ import multiphase
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and RLIMIT_FSIZE are POSIX")
 
 END = 0.2
-SETTINGS = ["solver.cells=8", "solver.rtol=1e-3", "time.save_every=0.01"]
+SETTINGS = ["solver.method=fipy", "solver.cells=8", "solver.rtol=1e-3", "time.save_every=0.01"]
+LINES = ["solver.method=lines", "solver.cells=1000", "solver.rtol=1e-6", "time.save_every=0.002"]
+ANNULUS = [*LINES, "geometry.kind=annulus", "geometry.lumen_radius=5.0"]
+COMPILED = {"slab": LINES, "annulus": ANNULUS, "annulus, drag": [*ANNULUS, "parameters.momentum=drag", "parameters.p_out=0.2"]}
 PATIENCE = 120.0
 """Seconds after which a child is given up; no test measures time."""
 
 
-def command(file: Path, *options: str, end: float = END) -> list[str]:
-    sets = [part for setting in (*SETTINGS, f"time.end={end}") for part in ("--set", setting)]
+def command(file: Path, *options: str, end: float = END, settings: Sequence[str] = SETTINGS) -> list[str]:
+    sets = [part for setting in (*settings, f"time.end={end}") for part in ("--set", setting)]
     return [sys.executable, "-m", "multiphase.cli", "run", "plaque", *sets, "-o", str(file), "--quiet", *options]
 
 
@@ -120,6 +123,26 @@ def test_kill_at_random_moments_then_resume_is_bit_identical(seed: int, referenc
     assert (ended.returncode, ended.stderr) == (0, "")
     assert datasets(file) == reference
     assert [path.name for path in tmp_path.iterdir()] == ["run.h5"]  # leftovers of the killed writes are gone
+
+
+@pytest.mark.parametrize("case", COMPILED)
+def test_lines_killed_and_resumed_equal_an_uninterrupted_run(case: str, tmp_path: Path) -> None:
+    """Stored times lie between steps here, and the integrator goes on from the points of its last step."""
+    settings, rng = COMPILED[case], random.Random(case)
+    whole, file = tmp_path / "whole.h5", tmp_path / "run.h5"
+    assert finish(command(whole, settings=settings)).returncode == 0
+    landed = 0
+    for _ in range(3):
+        with child(command(file, "--resume", settings=settings)) as process:
+            wait_for_writes(process, file, rng.randint(1, 4))
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+        landed += process.returncode == -signal.SIGKILL
+    assert landed >= 1
+    ended = finish(command(file, "--resume", settings=settings))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert multiphase.load(file).checkpoint["times"].shape == (4,)
+    assert datasets(file) == datasets(whole)
 
 
 def test_kill_before_the_first_save_leaves_nothing_and_resume_starts_afresh(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from fractions import Fraction
 from importlib.resources import files
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 from multiphase.errors import ParameterError
 from multiphase.parameters import Scales, replace, specifications, to_table
+from plaque1d import simulate
 from plaque1d.parameters import (
     PRESETS,
     PlaqueGeometry,
@@ -160,20 +162,50 @@ def test_drag_with_negative_diffusivity() -> None:
     check(PlaqueParameters(**inviscid, A=0.0), sick)
 
 
-@pytest.mark.parametrize("kind", ["annulus", "disk", 3])
-def test_only_the_slab_is_built(kind: Any) -> None:
+def test_geometry() -> None:
     assert PlaqueGeometry().kind == "slab"
-    with pytest.raises(ParameterError, match=r"geometry\.kind: .*"):
-        PlaqueGeometry(kind=kind)
-    with pytest.raises(ParameterError, match="only the slab is built in this version"):
-        PlaqueGeometry(kind="annulus")
+    assert not PlaqueGeometry().annulus
+    assert PlaqueGeometry(kind="annulus", lumen_radius=3.0).annulus
+    for values, path, words in (
+        ({"kind": "anulus"}, "kind", "annulus"),
+        ({"kind": 3}, "kind", "3"),
+        ({"kind": "annulus"}, "lumen_radius", "needs the radius of its lumen"),
+        ({"kind": "annulus", "lumen_radius": 0.0}, "lumen_radius", "greater than 0"),
+        ({"lumen_radius": 2.0}, "lumen_radius", "no meaning in a slab"),
+    ):
+        with pytest.raises(ParameterError, match=words) as caught:
+            PlaqueGeometry(**values)
+        assert caught.value.path == f"geometry.{path}"
+
+
+def test_the_size_of_an_annulus_and_its_width_are_inverse() -> None:
+    for R_1 in (0.5, 1e4, 1e9):
+        geometry = PlaqueGeometry(kind="annulus", lumen_radius=R_1)
+        for L in (1e-3, 1.0, 7.0):
+            exact = ((Fraction(R_1) + Fraction(L)) ** 2 - Fraction(R_1) ** 2) / 2  # in floats the difference of squares cancels
+            assert geometry.size(L) == pytest.approx(float(exact), rel=4e-16)
+            assert geometry.width(geometry.size(L)) == pytest.approx(L, rel=4e-16)
+            assert geometry.position(1.0, geometry.size(L)) == pytest.approx(L, rel=4e-16)
+
+
+def test_fipy_refuses_what_it_does_not_have() -> None:
+    round_wall = PlaqueGeometry(kind="annulus", lumen_radius=3.0)
+    drag = PlaqueParameters(momentum="drag", p_out=1.0)
+    with pytest.raises(ParameterError, match="no drag form in the annulus"):
+        simulate(drag, t_end=1.0, geometry=round_wall, solver="fipy")
+    with pytest.raises(ParameterError, match="are for the slab"):
+        simulate(t_end=1.0, geometry=round_wall, extra_terms=lambda plaque: {})
+    with pytest.raises(ParameterError, match="takes no extra_terms"):
+        simulate(t_end=1.0, solver="lines", extra_terms=lambda plaque: {})
+    with pytest.raises(ParameterError, match="lines"):
+        simulate(t_end=1.0, solver="fipy", time_scheme="radau")
 
 
 def test_solver() -> None:
-    assert to_table(PlaqueSolver()) == {"method": "auto", "cells": 100, "rtol": 1e-4, "time_scheme": "bdf2", "max_steps": 100_000}
+    assert to_table(PlaqueSolver()) == {"method": "auto", "cells": 100, "rtol": 1e-4, "time_scheme": "auto", "max_steps": 100_000}
     PlaqueSolver(cells=4, rtol=0.1, dt=1e-9, max_steps=1, method="fipy", time_scheme="backward-euler")
     for name, value in [
-        ("cells", 3), ("cells", 4.5), ("rtol", 0.0), ("rtol", 0.11), ("dt", 0.0), ("max_steps", 0), ("method", "lines"),
+        ("cells", 3), ("cells", 4.5), ("rtol", 0.0), ("rtol", 0.11), ("dt", 0.0), ("max_steps", 0), ("method", "line"),
         ("time_scheme", "bdf3"),
     ]:  # fmt: skip
         with pytest.raises(ParameterError) as caught:

@@ -1,0 +1,178 @@
+"""The semi-discrete plaque as an object: one scene's constants, its vector of unknowns, and what is read off it.
+
+Every scheme of the plaque builds on it: the method of lines and FiPy solve the same discrete equations, those of
+`plaque1d.discretisation`.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multiphase import banded, compiled, geometry, radau
+from multiphase.geometry import MovingGrid
+from multiphase.stepping import Snapshot, StepFailure
+from plaque1d import discretisation as fv
+from plaque1d import equations as eq
+from plaque1d.observation import Observer
+from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
+
+Array = NDArray[np.float64]
+
+_BOUNDS = {
+    1: "n leaves [0, 1] by more than rtol",
+    2: "l falls below 0 by more than rtol",
+    3: "the size of the wall is no longer positive",
+    4: "momentum = drag is ill-posed where p_out - (1 - 2n) Sigma is negative, as it has become",
+}
+
+
+@cache
+def mark() -> str:
+    """Fingerprint of all that is compiled for the plaque."""
+    return compiled.fingerprint(*(module.__file__ for module in (fv, radau, banded, eq, geometry)))
+
+
+@cache
+def entry(name: str) -> Any:
+    """A function of `plaque1d.discretisation`, compiled to be called from Python and kept on disk."""
+    return compiled.compiled(getattr(fv, name), keep=mark())
+
+
+class SemiDiscrete:
+    """The plaque on equal cells: what the schemes share of `multiphase.stepping.Scheme`.
+
+    Their vectors begin with ``[cell unknowns, W, V, integrals]``, in the order of `plaque1d.discretisation`.
+
+    Parameters
+    ----------
+    parameters, initial, geometry : PlaqueParameters, PlaqueInitial, PlaqueGeometry
+    cells : int
+        N, equal in length (slab) or area (annulus).
+    rtol : float
+        The accuracy knob: local errors of n are kept below rtol, of l below rtol max(l), of W below rtol W.
+    """
+
+    def __init__(
+        self,
+        parameters: PlaqueParameters,
+        initial: PlaqueInitial,
+        geometry: PlaqueGeometry,
+        cells: int,
+        rtol: float,
+        floor: float = fv.FLOOR,
+    ) -> None:
+        self.parameters, self.initial_values, self.geometry, self.rtol = parameters, initial, geometry, rtol
+        self.grid = MovingGrid(cells)
+        self.breaks: tuple[float, ...] = parameters.Psi_l.jumps
+        self.kinks: tuple[float, ...] = parameters.Psi_l.breaks
+        drag = parameters.momentum == "drag"
+        self.stride = 4 if geometry.annulus and drag else 3
+        """Unknowns of a cell."""
+        self.size = self.stride * cells
+        """Unknowns of all cells, which the border (W, V) and the integrals follow."""
+        strongest = max(parameters.Psi_l.values)
+        wall = parameters.inner_wall
+        self._constants = fv.Data(
+            cells=cells, stride=self.stride, annulus=geometry.annulus, drag=drag, inner_radius=geometry.inner_radius,
+            influx=0.0, influx_rate=0.0, t_0=0.0,
+            n_wall=np.nan if isinstance(wall, str) else float(wall), rtol=rtol, floor=floor,
+            l_reference=float(np.sqrt(strongest / parameters.Psi_m)) if parameters.Psi_m > 0.0 and strongest > 0.0 else 1.0,
+            **{name: float(getattr(parameters, name)) for name in (
+                "Psi_m", "k_l", "k_m", "b", "mu_n", "lambda_n", "mu_m", "lambda_m", "A", "B", "k", "p_out")},
+        )  # fmt: skip
+        self._segments: dict[float, fv.Data] = {}
+        self.mass = np.ones(self.size + fv.BORDER)
+        for kind in range(2, self.stride):
+            self.mass[kind : self.size : self.stride] = 0.0
+        self.mass[self.size + 1] = 0.0
+        model = np.zeros((fv.WORK_ROWS, cells + 1))
+        self.work = radau.workspace(self.size, 2 * self.stride, fv.BORDER, fv.INTEGRALS, model)
+        self._observer = Observer(parameters, geometry, self.grid)
+        self._start = self._initial()
+
+    @property
+    def n(self) -> slice:
+        """Where the products W n stand."""
+        return slice(0, self.size, self.stride)
+
+    @property
+    def l(self) -> slice:  # noqa: E743 - the paper's symbol
+        """Where the products W l stand."""
+        return slice(1, self.size, self.stride)
+
+    @property
+    def w(self) -> slice:
+        """Where the slip on the interior faces stands."""
+        return slice(2, self.size - self.stride, self.stride)
+
+    @property
+    def workspace_bytes(self) -> int:
+        """Memory of the work space."""
+        return sum(array.nbytes for array in self.work)
+
+    def data(self, t: float) -> fv.Data:
+        """Constants of the stretch between two breaks of Psi_l(t) that begins at or contains `t`."""
+        series = self.parameters.Psi_l
+        first = max((b for b in series.breaks if b <= t), default=-np.inf)
+        if first not in self._segments:
+            last = min((b for b in series.breaks if b > t), default=np.inf)
+            value, rate, origin = series(t), 0.0, t
+            if np.isfinite(first) and np.isfinite(last):
+                value, origin = series(first), first
+                rate = (series(last, side=-1) - value) / (last - first)
+            self._segments[first] = self._constants._replace(influx=float(value), influx_rate=float(rate), t_0=float(origin))
+        return self._segments[first]
+
+    def _initial(self) -> Array:
+        n, l, W = self._observer.start(self.initial_values)
+        y = np.zeros(self.size + fv.BORDER + fv.INTEGRALS)
+        y[self.n], y[self.l], y[self.size] = W * n, W * l, W
+        return self.consistent(0.0, y)
+
+    def initial(self) -> Array:
+        """Initial vector, its algebraic part consistent."""
+        return self._start.copy()
+
+    def consistent(self, t: float, u: Array) -> Array:
+        """`u` with V from the wall balance and w from the slip equation just after time `t`."""
+        y = u.copy()
+        work = self.work
+        if not entry("settle")(self.data(t), t, y, work.jac, work.band, work.pivots, work.model):
+            raise StepFailure("the slip equation is singular")
+        return y
+
+    def error_norm(self, error: Array, u: Array) -> float:
+        """The largest of: root mean square error of n, of l over its scale, and the relative error of W; in units of rtol."""
+        return float(entry("size_of")(self._constants, u, error))
+
+    def reason(self, code: int, value: float) -> str:
+        if code == radau.OUT_OF_BOUNDS:
+            return self.out_of_bounds(int(value))
+        return {
+            radau.DIVERGED: f"Newton's method does not converge: last change {value:.3g} of the tolerated error",
+            radau.SINGULAR: "the tangent of the step is singular",
+            radau.INEXACT: f"local error {value:.3g} times the tolerance",
+        }[code]
+
+    def out_of_bounds(self, number: int) -> str:
+        """The bound that a step broke, in words."""
+        cure = f"; raise p_out to A = {self.parameters.A:g}, or use momentum = interfacial"
+        return _BOUNDS[number] + (cure if number == 4 else "")
+
+    def observe(self, t: float, u: Array) -> Snapshot:
+        """Fields at cell centres and scalars of the contract at time `t`."""
+        if np.min(u[self.n]) < 0.0 or np.max(u[self.n]) > u[self.size]:  # between two steps
+            u = u.copy()
+            entry("admit")(self._constants, u, self.work.model)
+        return self.snapshot(t, u, {}, (0.0, 0.0))
+
+    def snapshot(self, t: float, u: Array, extra: dict[str, Array], added: tuple[float, float]) -> Snapshot:
+        """`observe` with further fields, and integrals of further sources of n and l."""
+        W, p = float(u[self.size]), self.parameters
+        uptake, influx, growth = u[self.size + fv.BORDER :]
+        gains = np.array([p.k_m * uptake + added[0], p.k_l * uptake - added[1], influx, growth])
+        return self._observer.snapshot(t, u[self.n] / W, u[self.l] / W, u[self.w], W, gains, extra)
