@@ -2,8 +2,9 @@
 
     python benchmarks/mutations.py [FIRST] > benchmarks/mutations.md
 
-Each mutation is made in a copy of the source tree and the numerical tests run against it: first those of the tangent, then those of
-the mathematics (transport, dispersion, manufactured solution, exact results), each until its first failure.
+Each mutation is made in a copy of the source tree and the numerical tests run against it: first those of the tangent and of FiPy
+against the compiled rates, then those of the mathematics (dispersion, annulus, manufactured solutions, the rest), each until its first
+failure.
 """
 
 from __future__ import annotations
@@ -17,43 +18,56 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SCHEME, TERMS, FV = "plaque1d/fipy_scheme.py", "plaque1d/fipy_terms.py", "plaque1d/discretisation.py"
-LAWS, GRID = "plaque1d/equations.py", "multiphase/geometry.py"
+TERMS, SCHEME, FV = "plaque1d/fipy_terms.py", "plaque1d/fipy_scheme.py", "plaque1d/discretisation.py"
+LAWS, GRID, OBSERVATION, RADAU = "plaque1d/equations.py", "multiphase/geometry.py", "plaque1d/observation.py", "multiphase/radau.py"
 
 MUTATIONS: list[tuple[str, str, str, str, str]] = [
-    ("n (3.10a)", "time derivative", TERMS, "fipy.TransientTerm(coeff=width, var=n)", "-fipy.TransientTerm(coeff=width, var=n)"),
     ("n (3.10a)", "advection by V", LAWS, "return V - (1.0 - n) * w", "return -V - (1.0 - n) * w"),
     ("n (3.10a)", "advection by the slip", LAWS, "return V - (1.0 - n) * w", "return V + (1.0 - n) * w"),
     ("n (3.10a)", "motion of the grid", GRID, "return velocity - xi * wall_speed", "return velocity + xi * wall_speed"),
-    ("n (3.10a)", "damping of short waves", FV, "value=v * n_bar - 0.5 * s * jump", "value=v * n_bar + 0.5 * s * jump"),
-    ("n (3.10a)", "death of macrophages, k_m", SCHEME, "self._uptake.setValue(p.k_m", "self._uptake.setValue(-p.k_m"),
-    ("l (3.10b)", "time derivative", SCHEME, "fipy.TransientTerm(coeff=self._L", "-fipy.TransientTerm(coeff=self._L"),
-    ("l (3.10b)", "advection by V - xi V", FV, "velocity = relative_velocity(V, xi, V)", "velocity = -relative_velocity(V, xi, V)"),
-    ("l (3.10b)", "diffusion", SCHEME, "- fipy.DiffusionTerm(coeff=self._ldl", "+ fipy.DiffusionTerm(coeff=self._ldl"),
-    ("l (3.10b)", "influx Psi_l", SCHEME, "inner[0] = p.Psi_l", "inner[0] = -p.Psi_l"),
-    ("l (3.10b)", "uptake, k_l", SCHEME, "self._consumption.setValue(p.k_l", "self._consumption.setValue(-p.k_l"),
-    ("slip (3.8d,e)", "viscosity of macrophages", FV, "SlipTerm(nf, nf_n, p.nu_m * cc", "SlipTerm(nf, nf_n, -p.nu_m * cc"),
-    ("slip (3.8d,e)", "viscosity of the necrotic phase", FV, "SlipTerm(cf, cf_n, p.nu_n * nc", "SlipTerm(cf, cf_n, -p.nu_n * nc"),
-    ("slip (3.8d,e)", "drag b", FV, "zeta, zeta_n = p.b * nf * cf", "zeta, zeta_n = -p.b * nf * cf"),
-    ("slip (3.8d,e)", "stress (c Sigma)', interfacial", FV, "row, row_n = -nf, -nf_n", "row, row_n = nf, nf_n"),
-    ("slip (3.8d,e)", "viscosity, drag form", FV, "(SlipTerm(row, row_n, nc * cc", "(SlipTerm(row, row_n, -nc * cc"),
-    ("slip (3.8d,e)", "p_out, drag form", FV, "n * (p.p_out - c * stress)", "n * (-p.p_out - c * stress)"),
-    ("slip (3.8d,e)", "c Sigma, drag form", FV, "n * (p.p_out - c * stress)", "n * (p.p_out + c * stress)"),
-    ("slip (3.8d,e)", "w(0) = V / c(0)", FV, "w_wall=V / float(cf[0])", "w_wall=-V / float(cf[0])"),
-    ("L (3.9)", "L' = V", SCHEME, "alpha * (L - past[lay.L]) - V", "alpha * (L - past[lay.L]) + V"),
-    ("L (3.9)", "V = Psi_m l(0)", LAWS, "return Psi_m * l_wall", "return -Psi_m * l_wall"),
+    ("n (3.10a)", "damping of short waves", FV, "- 0.5 * s * (right - left), v", "+ 0.5 * s * (right - left), v"),
+    ("n (3.10a)", "death of macrophages, k_m", FV, "= d.k_m * W * rate, -d.k_l", "= -d.k_m * W * rate, -d.k_l"),
+    ("n (3.10a)", "time derivative, FiPy", TERMS, "fipy.TransientTerm(coeff=width, var=n)", "-fipy.TransientTerm(coeff=width, var=n)"),
+    ("n (3.10a)", "death of macrophages, FiPy", SCHEME, "self._uptake.setValue(p.k_m", "self._uptake.setValue(-p.k_m"),
+    ("l (3.10b)", "advection and diffusion", FV, "flux = (0.5 * velocity * (l[f - 1]", "flux = (-0.5 * velocity * (l[f - 1]"),
+    ("l (3.10b)", "diffusion", FV, "+ l[f]) - conductance * (l[f]", "+ l[f]) + conductance * (l[f]"),
+    ("l (3.10b)", "influx Psi_l", FV, "out[1] += d.inner_radius * Psi_l", "out[1] -= d.inner_radius * Psi_l"),
+    ("l (3.10b)", "uptake, k_l", FV, "* W * rate, -d.k_l * W * rate", "* W * rate, d.k_l * W * rate"),
+    ("l (3.10b)", "diffusion, FiPy", SCHEME, "- fipy.DiffusionTerm(coeff=self._ldl", "+ fipy.DiffusionTerm(coeff=self._ldl"),
+    ("l (3.10b)", "uptake, FiPy", SCHEME, "self._consumption.setValue(p.k_l", "self._consumption.setValue(-p.k_l"),
+    ("slip (3.8d,e)", "drag b, interfacial", FV, "out[row] = h * W * d.b * n_f[f]", "out[row] = -h * W * d.b * n_f[f]"),
+    ("slip (3.8d,e)", "stress (c Sigma)', interfacial", FV, "* y[row] + r * n_f[f] * step", "* y[row] - r * n_f[f] * step"),
+    ("slip (3.8d,e)", "viscosity, interfacial", FV, "direct, cross = nu * (a * a", "direct, cross = -nu * (a * a"),
+    ("slip (3.8d,e)", "coupling of the faces, interfacial", FV, "area * nu * (s * s - a * a)", "area * nu * (s * s + a * a)"),
+    ("slip (3.8d,e)", "hoop strain, interfacial", FV, "2.0 * lambda_ * a * s", "-2.0 * lambda_ * a * s"),
+    ("slip (3.8d,e)", "curvature of the mixture's flow", FV, "out[row] -= 2.0 * law.mean", "out[row] += 2.0 * law.mean"),
+    ("slip (3.8d,e)", "drag b, drag form", FV, "out[row] = h * W * d.b * work[_NF, f]", "out[row] = -h * W * d.b * work[_NF, f]"),
+    ("slip (3.8d,e)", "viscous stress T, drag form", FV, "load = -r * force", "load = r * force"),
+    ("slip (3.8d,e)", "S n', drag form", FV, "force - S_f * r * n[i]", "force + S_f * r * n[i]"),
+    ("slip (3.8d,e)", "n c Sigma, drag form", FV, "+ r * mixed * stress[i]", "- r * mixed * stress[i]"),
+    ("slip (3.8d,e)", "hoop stress X, drag form", FV, "value -= 0.5 * (h * W / r) * hoop", "value += 0.5 * (h * W / r) * hoop"),
+    ("slip (3.8d,e)", "curvature, drag form", FV, "load += 2.0 * (d.mu_m - d.mu_n)", "load -= 2.0 * (d.mu_m - d.mu_n)"),
+    ("S'", "flow of the mixture", FV, "(-4.0 * shear * V / mean**3 +", "(4.0 * shear * V / mean**3 +"),
+    ("S'", "slip", FV, "+ 2.0 / mean * Y)", "- 2.0 / mean * Y)"),
+    ("slip (3.8d,e)", "w(0) = V / (R_1 c(0))", FV, "return y[d.stride * d.cells + 1] / (d", "return -y[d.stride * d.cells + 1] / (d"),
+    ("W (3.9)", "W' = V", FV, "out[m * N] = V\n", "out[m * N] = -V\n"),
+    ("W (3.9)", "V = Psi_m l(0)", LAWS, "return Psi_m * l_wall", "return -Psi_m * l_wall"),
     ("wall (3.8h)", "Psi_l", LAWS, "load = inner + distance * Psi_l", "load = inner - distance * Psi_l"),
     ("wall (3.8h)", "V l(0)", LAWS, "1.0 + 4.0 * Psi_m * distance * load", "1.0 - 4.0 * Psi_m * distance * load"),
     ("pressure", "p_out", LAWS, "return p_out - (1.0 - n) * stress + n * nu_n", "return -p_out - (1.0 - n) * stress + n * nu_n"),
     ("pressure", "c Sigma", LAWS, "return p_out - (1.0 - n) * stress + n * nu_n", "return p_out + (1.0 - n) * stress + n * nu_n"),
     ("pressure", "strain of n", LAWS, "+ n * nu_n * strain_n", "- n * nu_n * strain_n"),
     ("pressure", "strain of macrophages", LAWS, "+ (1.0 - n) * nu_m * strain_m", "- (1.0 - n) * nu_m * strain_m"),
+    ("pressure", "hoop strain", OBSERVATION, "p_n + d.lambda_n * n[i] * hoop_n", "p_n - d.lambda_n * n[i] * hoop_n"),
+    ("pressure", "hoop stress", OBSERVATION, "outer -= step", "outer += step"),
     ("velocities", "u_m = V + n w", LAWS, "return V + n * w", "return V - n * w"),
+    ("Radau", "error weights", RADAU, "[-13.0 - 7.0 * _ROOT, -13.0", "[-13.0 + 7.0 * _ROOT, -13.0"),
+    ("Radau", "nodes", RADAU, "(4.0 - _ROOT) / 10.0, (4.0", "(4.0 - 1.01 * _ROOT) / 10.0, (4.0"),
 ]  # fmt: skip
 
-PATIENCE = 150.0
-TANGENT = ["tests/plaque1d/test_tangent.py"]
-MATHEMATICS = [f"tests/plaque1d/test_{name}.py" for name in ("transport", "dispersion", "manufactured", "exact")]
+PATIENCE = 240.0
+TANGENT = ["tests/plaque1d/test_lines.py", "-k", "tangent or assembles"]
+MATHEMATICS = [f"tests/plaque1d/test_{name}.py" for name in ("dispersion", "annulus", "manufactured_lines", "lines", "exact")]
 
 
 def first_failure(tree: Path, tests: list[str]) -> str:
@@ -70,7 +84,7 @@ def first_failure(tree: Path, tests: list[str]) -> str:
 
 def main() -> None:
     print("# Mutations\n\nThe sign of each term flipped in turn, and the first test of each kind that fails.\n")
-    print("| equation | term | tangent test | mathematics |\n| --- | --- | --- | --- |")
+    print("| equation | term | tangent, FiPy | mathematics |\n| --- | --- | --- | --- |")
     first = int(sys.argv[1]) if len(sys.argv) > 1 else 0
     for equation, term, file, old, new in MUTATIONS[first:]:
         with tempfile.TemporaryDirectory() as folder:

@@ -22,8 +22,12 @@ Array = Any
 
 @njit(error_model="numpy")
 def factor(band: Array, half: int, pivots: Array) -> bool:
-    """LU factors of a banded matrix in its own storage, rows exchanged by the largest pivot; False if it is singular."""
+    """LU factors of a banded matrix in its own storage, rows exchanged by the largest pivot; False if it is singular.
+
+    `pivots` (2, size) receives the row exchanged with each, and how far to the right of its diagonal each row reaches.
+    """
     size = band.shape[0]
+    reach = 0  # last column that rows handled so far have brought in
     for k in range(size):
         last = min(k + half, size - 1)
         best, row = abs(band[k, half]), k
@@ -31,24 +35,26 @@ def factor(band: Array, half: int, pivots: Array) -> bool:
             value = abs(band[i, k - i + half])
             if value > best:
                 best, row = value, i
-        pivots[k] = row
         if not best > 0.0:
             return False
+        reach = max(reach, min(row + half, size - 1))
+        width = reach - k
+        pivots[0, k], pivots[1, k] = row, width
         if row != k:
             shift = k - row
-            for j in range(half, 3 * half + 1):
+            for j in range(half, half + width + 1):
                 upper = band[k, j]
                 band[k, j] = band[row, j + shift]
                 band[row, j + shift] = upper
         inverse = 1.0 / band[k, half]
         for i in range(k + 1, last + 1):
-            shift = k - i
-            multiplier = band[i, half + shift]
+            first = half + k - i
+            multiplier = band[i, first]
             if multiplier != 0.0:
                 multiplier *= inverse
-                band[i, half + shift] = multiplier
-                for j in range(half + 1, 3 * half + 1):
-                    band[i, j + shift] -= multiplier * band[k, j]
+                band[i, first] = multiplier
+                for j in range(1, width + 1):
+                    band[i, first + j] -= multiplier * band[k, half + j]
     return True
 
 
@@ -57,7 +63,7 @@ def solve(band: Array, half: int, pivots: Array, x: Array) -> None:
     """Replace the right-hand side `x` (size,) by the solution, with the factors of `factor`."""
     size = band.shape[0]
     for k in range(size):
-        row = pivots[k]
+        row = pivots[0, k]
         value = x[row]
         if row != k:
             x[row] = x[k]
@@ -66,7 +72,7 @@ def solve(band: Array, half: int, pivots: Array, x: Array) -> None:
             x[i] -= band[i, k - i + half] * value
     for k in range(size - 1, -1, -1):
         value = x[k]
-        for j in range(1, min(2 * half, size - 1 - k) + 1):
+        for j in range(1, pivots[1, k] + 1):
             value -= band[k, half + j] * x[k + j]
         x[k] = value / band[k, half]
 

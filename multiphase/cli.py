@@ -94,7 +94,8 @@ def _scenes(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from multiphase.run import Existing, Terminated, run, stats_line
+    from multiphase.compare import cost_of
+    from multiphase.run import Existing, Terminated, run
     from multiphase.scene import load_scene
     from multiphase.stepping import State, Tracker
     from multiphase.trackers import Progress
@@ -153,7 +154,7 @@ def _run(options: argparse.Namespace) -> int:
             ("ended", f"{result.status}: {result.message}"),
             *scene.model.summary(result),
             *_checkpoint(result),
-            ("cost", stats_line(result)),
+            ("cost", cost_of(result)),
         ]
         rows += [("file", str(file)), ("next", f"multiphase plot {file}      multiphase animate {file} -o {file.stem}.gif")]
         _print_rows(rows)
@@ -170,9 +171,10 @@ def _plan(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
+    from multiphase.compare import cost_of
     from multiphase.model import find_model
     from multiphase.result import load
-    from multiphase.run import plan_of, stats_line
+    from multiphase.run import plan_of
 
     result = load(options.file)
     model = find_model(result.model)
@@ -190,7 +192,7 @@ def _info(options: argparse.Namespace) -> int:
     rows = [("model", model.title), ("ended", f"{result.status}: {result.message}"), *model.summary(result), *_checkpoint(result)]
     rows += [
         ("stored", f"{len(result.t)} time{'s' if len(result.t) != 1 else ''}{cells}; fields {', '.join(result.fields)}"),
-        ("cost", stats_line(result)),
+        ("cost", cost_of(result)),
     ]
     rows += [("created", f"{result.created} on {result.platform}")]
     rows += [("versions", ", ".join(f"{name} {version}" for name, version in result.versions.items()))]

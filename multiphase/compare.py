@@ -77,6 +77,8 @@ class Comparison:
         Quantities that only one of the results has.
     identical : bool
         Every stored dataset, the checkpoint included, is the same bit for bit.
+    costs : (str, str)
+        What each result cost, in words; empty where it does not say.
     """
 
     differences: tuple[Difference, ...]
@@ -85,6 +87,7 @@ class Comparison:
     only_a: tuple[str, ...]
     only_b: tuple[str, ...]
     identical: bool
+    costs: tuple[str, str] = ("", "")
 
     @property
     def largest(self) -> Difference:
@@ -107,6 +110,7 @@ class Comparison:
         if self.identical:
             lines.append("identical bit for bit")
         lines += [f"only in {side}: {', '.join(names)}" for side, names in (("A", self.only_a), ("B", self.only_b)) if names]
+        lines += [f"{side}: {cost}" for side, cost in zip("AB", self.costs, strict=True) if cost]
         width = max(10, *(len(entry.name) for entry in self.differences))
         lines.append("")
         titles = ("max |A-B|", "of scale", "max rel.", "L1", "at t", "at x/width")
@@ -133,6 +137,7 @@ class Comparison:
             "cells": self.cells,
             "only_a": list(self.only_a),
             "only_b": list(self.only_b),
+            "costs": list(self.costs),
             "differences": [{key: plain(value) for key, value in asdict(entry).items()} for entry in self.differences],
         }
         return json.dumps(data, indent=1, ensure_ascii=False)
@@ -174,6 +179,21 @@ def compare(a: Result, b: Result) -> Comparison:
         only_a=_missing(a, b),
         only_b=_missing(b, a),
         identical=identical,
+        costs=(cost_of(a), cost_of(b)),
+    )
+
+
+def cost_of(result: Result) -> str:
+    """Cost of a run in one line; empty where the result does not say."""
+    s = result.stats
+    if "wall_s" not in s:
+        return ""
+    rejected = s.get("rejected_error", 0) + s.get("rejected_solver", 0)
+    seconds = s["wall_s"]
+    return (
+        f"{s.get('steps', 0)} steps ({rejected} rejected), {s.get('iterations', 0)} iterations, "
+        f"{seconds:.{1 if seconds >= 1.0 else 3}f} s with {s.get('solver', '?')} "
+        f"on {result.threads} thread{'s' if result.threads != 1 else ''}"
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -43,7 +44,10 @@ def compiled(function: Callable[..., Any], *, keep: str = "", **names: Any) -> A
     with _LOCK:
         settings: Any = numba.config
         before = settings.CACHE_DIR
-        settings.CACHE_DIR = str(cache_folder(before) / keep)
+        folder = cache_folder(before)
+        if not (folder / keep).exists():
+            prune(folder)
+        settings.CACHE_DIR = str(folder / keep)
         try:
             return njit(error_model="numpy", cache=True)(clone)
         finally:
@@ -66,7 +70,16 @@ def cache_folder(chosen: str = "") -> Path:
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:  # a home that cannot be written
-        return Path(tempfile.gettempdir()) / f"multiphase-tissue-{os.getuid() if hasattr(os, 'getuid') else 0}"
+        other = Path(tempfile.gettempdir()) / f"multiphase-tissue-{os.getuid() if hasattr(os, 'getuid') else 0}"
+        other.mkdir(exist_ok=True)
+        return other
+
+
+def prune(folder: Path, kept: int = 8) -> None:
+    """Remove all but the newest versions of compiled code."""
+    versions = sorted((path for path in folder.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime, reverse=True)
+    for old in versions[kept:]:
+        shutil.rmtree(old, ignore_errors=True)
 
 
 def fingerprint(*files: str | None) -> str:

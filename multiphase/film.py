@@ -21,12 +21,14 @@ from multiphase.plotting import (
     STYLE,
     TITLE_WIDTH,
     Array,
+    Ring,
     View,
     at_times,
     checked_path,
     colour_map,
     draw_lines,
     limits,
+    radius_axis,
     replacing,
     time_texts,
     view_of,
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 FILMS = (".gif", ".mp4")
 FEW_TIMES, SMOOTH_FRAMES, MOST_FRAMES = 40, 100, 150
 BAND_PIXELS = 600
+WIDTH, RING_WIDTH = 7.0, 4.2  # inches: of a film, and what a round body adds to it
 
 
 class Film:
@@ -64,21 +67,31 @@ class Film:
         self.colours = at_times(view.t, view.values[name], times)
         panels = [panel for panel in view.model.panels if panel.kind == "profile" and view.drawable(panel)][:2]
         with matplotlib.rc_context(STYLE):
-            self.figure = Figure(figsize=(7.0, 1.9 + 1.7 * len(panels)), layout="constrained")
+            beside = [] if view.inner is None else [RING_WIDTH / WIDTH]
+            widths, heights = [*beside, 1.0, 0.025], [0.8] + [1.0] * len(panels)
+            self.figure = Figure(figsize=(WIDTH * (1.0 + sum(beside)), 1.9 + 1.7 * len(panels)), layout="constrained")
             FigureCanvasAgg(self.figure)
-            grid = self.figure.add_gridspec(1 + len(panels), 2, height_ratios=[0.8] + [1.0] * len(panels), width_ratios=[1.0, 0.025])
-            self.band_axes = self.figure.add_subplot(grid[0, 0])
-            self._make_band(self.figure.add_subplot(grid[0, 1]))
+            grid = self.figure.add_gridspec(len(heights), len(widths), height_ratios=heights, width_ratios=widths)
+            self.ring = self._make_ring(self.figure.add_subplot(grid[:, 0])) if beside else None
+            self.band_axes = self.figure.add_subplot(grid[0, -2])
+            self._make_band(self.figure.add_subplot(grid[0, -1]))
             self.profiles: list[tuple[Line2D, Array]] = []
             lowest = self.band_axes
             for row, panel in enumerate(panels, start=1):
-                lowest = self.figure.add_subplot(grid[row, 0])
+                lowest = self.figure.add_subplot(grid[row, -2])
                 self._make_profiles(panel, lowest)
             lowest.set_xlabel(f"position x{view.bracket('x')}")
             self.title = self.figure.suptitle(" ", parse_math=False)
             self.show(len(times) - 1)
             self.figure.draw_without_rendering()
         self.figure.set_layout_engine("none")  # laid out once: the frames do not jump, and cost half
+
+    def _make_ring(self, axes: Axes) -> Ring:
+        """The cross-section of a round body, in the colours of the band, as large from the first frame as it will need."""
+        ring = Ring(self.view, self.view.model.film, axes)
+        radius_axis(self.view, axes)
+        ring.name_hollow(self.view.model.ends[0].split(" | ")[0], 0.8 * RING_WIDTH)
+        return ring
 
     def _make_band(self, bar_axes: Axes) -> None:
         view, axes = self.view, self.band_axes
@@ -110,6 +123,8 @@ class Film:
         self.band.set_extent((0.0, wall, 0.0, 1.0))
         self.wall_line.set_xdata([wall, wall])
         self.outer_text.set_x(wall)
+        if self.ring is not None:
+            self.ring.show(self.edges[frame], self.colours[frame])
         for line, values in self.profiles:
             line.set_data(self.x[frame], values[frame])
         self.title.set_text(textwrap.fill(f"{self.view.title}, {self.view.time_text(self.texts[frame])}", TITLE_WIDTH))
@@ -129,7 +144,7 @@ def animate(
     fps: int = 12,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write a film of the growing domain: its colours above, profiles below.
+    """Write a film of the growing domain: its colours above, profiles below, and beside them the cross-section of a round body.
 
     Parameters
     ----------

@@ -51,7 +51,8 @@ class Preset:
 @dataclass(frozen=True, slots=True)
 class Panel:
     """One panel of the standard figure: `kind` "scalar" (against time), "profile" (against position at
-    several times) or "spacetime" (colour over time and position), and the names it shows."""
+    several times), "spacetime" (colour over time and position) or "ring" (cross-sections of a round body
+    at a few times; left out where the body is flat), and the names it shows."""
 
     kind: str
     names: tuple[str, ...]
@@ -86,6 +87,9 @@ class Model:
         What lies at the inner and outer end of a 1D domain, for the film; empty to say nothing.
     trackers : callable(scene) -> tuple of multiphase.stepping.Tracker
         What every run of the scene has hung on its loop, for instance a watch on well-posedness.
+    ring : callable(geometry) -> float or None
+        Where a 1D domain is the radius of a round body: the radius at its inner end, dimensionless, from the scene's table
+        [geometry]; 0 for a disk, None for a flat body.
     """
 
     name: str
@@ -105,6 +109,7 @@ class Model:
     summary: Callable[[Result], list[tuple[str, str]]]
     ends: tuple[str, str] = ("", "")
     trackers: Callable[[Scene], tuple[Any, ...]] = lambda scene: ()
+    ring: Callable[[Mapping[str, Any]], float | None] = lambda geometry: None
 
 
 @cache

@@ -22,12 +22,17 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.gridspec import SubplotSpec
 from matplotlib.lines import Line2D
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
 from multiphase.errors import ParameterError
 from multiphase.model import Model, Panel, find_model
-from multiphase.parameters import nearest
+from multiphase.parameters import Scales, nearest
 
 if TYPE_CHECKING:
     from multiphase.result import Result
@@ -35,11 +40,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 PICTURES = (".png", ".pdf", ".svg")
-KINDS = ("scalar", "profile", "spacetime")
+KINDS = ("scalar", "profile", "spacetime", "ring")
 LINE_STYLES: tuple[Any, ...] = ("-", "--", ":", "-.")
+ROW_HEIGHT, RING_HEIGHT = 2.35, 2.45  # inches
+RING_GAP = 0.08  # inches around the rows of a figure with rings
 TITLE_WIDTH = 75  # characters; Matplotlib's own wrapping takes two $ for mathematics, and fails
 PROFILES = 6  # times shown in a profile panel
 COLUMNS = 300  # time columns of a space-time picture, about the pixels it is printed with
+RINGS = 4  # times shown in a ring panel
+RING_PIXELS = 600  # across a cross-section
+NAME_INCHES = 0.4  # for the name of what a ring encloses
 STYLE: Any = {
     "font.size": 8.5,
     "axes.labelsize": 8.5,
@@ -66,6 +76,8 @@ class View:
         Scalars (nt,) and, on a 1D grid, fields (nt, cells).
     edges, wall : ndarray (nt, cells + 1), (nt,), or None without a 1D grid
         Cell edges, and the outer end of the domain.
+    inner : float or None
+        Where the domain is the radius of a round body, the radius at its inner end; positions are measured from there.
     """
 
     result: Result
@@ -74,12 +86,22 @@ class View:
     values: dict[str, Array]
     edges: Array | None
     wall: Array | None
+    inner: float | None = None
 
     @property
     def t(self) -> Array:
         return self.result.t
 
+    @property
+    def outer_reach(self) -> float:
+        """Half the side of the square that holds the round body at every time, with a margin."""
+        assert self.wall is not None
+        assert self.inner is not None
+        return 1.05 * (self.inner + float(self.wall.max()))
+
     def drawable(self, panel: Panel) -> bool:
+        if panel.kind == "ring" and self.inner is None:
+            return False
         wanted = 1 if panel.kind == "scalar" else 2
         return all(name in self.values and self.values[name].ndim == wanted for name in panel.names)
 
@@ -97,6 +119,9 @@ class View:
 
     def bracket(self, name: str) -> str:
         return "" if self.result.unit(name) == "-" else f" [{self.result.unit(name)}]"
+
+    def radius_label(self) -> str:
+        return f"distance from\nthe centre{self.bracket('x')}"
 
     def time_label(self) -> str:
         return f"time t{self.bracket('t') or ' (dimensionless)'}"
@@ -116,7 +141,8 @@ class View:
 
 def view_of(result: Result) -> View:
     model = find_model(result.model)
-    title = tomllib.loads(result.scene).get("scene", {}).get("title") or model.title
+    tables = tomllib.loads(result.scene)
+    title = tables.get("scene", {}).get("title") or model.title
     result = result.in_units()
     x, wall = result.x, result.width()
     keep = np.isfinite(result.t)
@@ -138,7 +164,16 @@ def view_of(result: Result) -> View:
     x, wall = x[keep], wall[keep]
     edges = np.column_stack([np.zeros(len(x)), 0.5 * (x[:, 1:] + x[:, :-1]), wall])
     values = result.scalars | {name: field for name, field in result.fields.items() if field.shape == x.shape}
-    return View(result, model, str(title), values, edges, wall)
+    return View(result, model, str(title), values, edges, wall, _inner_radius(model, tables))
+
+
+def _inner_radius(model: Model, tables: dict[str, Any]) -> float | None:
+    """Radius at the inner end of a round body, in the unit of positions."""
+    inner = model.ring(tables.get("geometry", {}))
+    if inner is None:
+        return None
+    factor, _ = Scales.from_table(tables.get("scales", {})).factor({"length": 1})
+    return factor * float(inner)
 
 
 def time_texts(times: Array) -> list[str]:
@@ -185,9 +220,9 @@ def colour_map() -> Colormap:
     return matplotlib.colormaps["viridis"].with_extremes(bad="0.8")
 
 
-def _profile_rows(t: Array) -> list[int]:
-    """Indices of about `PROFILES` stored times, evenly spread in time, first and last included."""
-    wanted = np.linspace(t[0], t[-1], PROFILES)
+def _spread_rows(t: Array, count: int) -> list[int]:
+    """Indices of at most `count` stored times, about evenly spread in time, first and last included."""
+    wanted = np.linspace(t[0], t[-1], count)
     return sorted({int(np.argmin(np.abs(t - time))) for time in wanted})
 
 
@@ -196,7 +231,7 @@ def _profile_colours(count: int) -> list[Any]:
 
 
 def _choose(view: View, panels: Sequence[Panel] | None) -> list[Panel]:
-    """The panels that this result can show, one name to a space-time panel."""
+    """The panels that this result can show, one name to a panel of colours."""
     chosen = view.model.panels if panels is None else tuple(panels)
     for panel in chosen:
         if panel.kind not in KINDS:
@@ -206,10 +241,12 @@ def _choose(view: View, panels: Sequence[Panel] | None) -> list[Panel]:
             raise ParameterError(
                 "panels", f"the result holds no {missing[0]!r}{nearest(missing[0], view.values)} It holds {', '.join(view.values)}."
             )
+        if panels is not None and panel.kind == "ring" and view.inner is None:
+            raise ParameterError("panels", 'the domain of this result is flat, so it has no rings to draw; use the kind "spacetime".')
     split = [
         replace(panel, names=names)
         for panel in chosen
-        for names in ([(name,) for name in panel.names] if panel.kind == "spacetime" else [panel.names])
+        for names in ([(name,) for name in panel.names] if panel.kind in ("spacetime", "ring") else [panel.names])
     ]
     drawable = [panel for panel in split if view.drawable(panel)]
     if not drawable:
@@ -259,7 +296,7 @@ def _draw_profile(view: View, panel: Panel, axes: Axes) -> None:
     positions, wall = view.result.x, view.wall
     assert positions is not None
     assert wall is not None
-    rows = _profile_rows(view.t)
+    rows = _spread_rows(view.t, PROFILES)
 
     def draw(side: Axes, name: str, style: str, second: bool) -> None:
         for row, colour, text in zip(rows, _profile_colours(len(rows)), time_texts(view.t[rows]), strict=True):
@@ -306,6 +343,118 @@ def _draw_spacetime(view: View, panel: Panel, axes: Axes) -> None:
     bar.set_label(view.label(name))
 
 
+class Ring:
+    """The cross-section of a round body on `axes`: a field in colour, between the outlines of its inner and outer end.
+
+    An image looks up the value at the distance of each pixel from the centre and is cut to the outline, so it costs as much for a
+    thousand cells as for ten, and its edges stay sharp.
+
+    Parameters
+    ----------
+    view : View
+        Of a round body; its `inner` is a number.
+    name : str
+        The field; the colours span its values at all stored times.
+    axes : Axes
+        Takes limits that hold the body at every time, equal in both directions.
+    """
+
+    def __init__(self, view: View, name: str, axes: Axes) -> None:
+        assert view.inner is not None
+        self.inner, reach = view.inner, view.outer_reach
+        across = (np.arange(RING_PIXELS) + 0.5) / RING_PIXELS * 2.0 - 1.0
+        self._steps = np.linspace(0.0, np.sqrt(2.0) * reach, 2 * RING_PIXELS)
+        radii = reach * np.hypot(across[:, None], across[None, :])
+        self._nearest = np.rint(radii / self._steps[1]).astype(np.intp)
+        low, high = limits(view.values[name], margin=0.0)
+        extent = (-reach, reach, -reach, reach)
+        self.image = axes.imshow(np.zeros_like(radii), cmap=colour_map(), vmin=low, vmax=high, extent=extent, origin="lower")
+        self.outline = PathPatch(_ring_outline(0.0, reach), fill=False, edgecolor="black", linewidth=0.8)
+        axes.add_patch(self.outline)
+        self.image.set_clip_path(self.outline)
+        axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
+        for side in axes.spines.values():
+            side.set_visible(False)
+
+    def show(self, edges: Array, values: Array) -> None:
+        """Show `values` (cells,) between the `edges` (cells + 1,), distances from the inner end."""
+        cells = np.searchsorted(edges[1:-1] + self.inner, self._steps)
+        self.image.set_data(np.ma.masked_invalid(values[cells])[self._nearest])
+        self.outline.set_path(_ring_outline(self.inner, self.inner + float(edges[-1])))
+
+    def name_hollow(self, text: str, side: float) -> None:
+        """Write what the ring encloses into it, or beside the ring with a line to the centre where there is no room.
+
+        Parameters
+        ----------
+        text : str
+        side : float
+            About the side of the axes, in inches.
+        """
+        axes = self.image.axes
+        if not text or self.inner == 0.0:
+            return
+        if self.inner * side >= NAME_INCHES * axes.get_xlim()[1]:
+            axes.text(0.0, 0.0, text, ha="center", va="center", parse_math=False)
+            return
+        line = {"arrowstyle": "-", "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 0.0}
+        axes.annotate(text, (0.0, 0.0), (0.04, 1.0), textcoords="axes fraction", va="top", arrowprops=line, parse_math=False)
+
+
+def _ring_outline(inner: float, outer: float) -> Outline:
+    """Circles about the origin, the inner one mirrored and so run the other way, which leaves it out of the fill."""
+    circle = Outline.unit_circle()
+    circles = [circle.transformed(Affine2D().scale(outer))]
+    if inner > 0.0:
+        circles.append(circle.transformed(Affine2D().scale(-inner, inner)))
+    return Outline.make_compound_path(*circles)
+
+
+def radius_axis(view: View, axes: Axes) -> None:
+    """A vertical axis through the centre, with distances from it in both directions."""
+    axes.set_xticks([])
+    axes.spines["left"].set_visible(True)
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], symmetric=True))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+    axes.set_ylabel(view.radius_label())
+
+
+def _draw_rings(view: View, panel: Panel, body: SubFigure, place: SubplotSpec) -> None:
+    """A row of cross-sections at times evenly spread, on one scale of lengths and one of colours."""
+    assert view.edges is not None
+    name = panel.names[0]
+    rows = _spread_rows(view.t, RINGS)
+    grid = place.subgridspec(1, RINGS)
+    rings = []
+    for column, (row, text) in enumerate(zip(rows, time_texts(view.t[rows]), strict=True)):
+        axes = body.add_subplot(grid[column], anchor="W")
+        ring = Ring(view, name, axes)
+        ring.show(view.edges[row], view.values[name][row])
+        rings.append(ring)
+        axes.set(xticks=[], yticks=[], xlabel=view.time_text(text))
+    first = rings[0].image.axes
+    radius_axis(view, first)
+    rings[0].name_hollow(view.model.ends[0].split(" | ")[0], 1.3)
+    first.set_title(panel.title, loc="left", parse_math=False)
+    bar = body.colorbar(rings[0].image, ax=[ring.image.axes for ring in rings], pad=0.02, aspect=12, shrink=0.85, panchor=False)
+    bar.set_label(view.label(name))
+
+
+def _layout(panels: Sequence[Panel]) -> list[list[Panel]]:
+    """Panels by row: rings have a row to themselves, the others are two to a row."""
+    rows: list[list[Panel]] = []
+    open_row: list[Panel] = []
+    for panel in panels:
+        if panel.kind == "ring":
+            rows.append([panel])
+        elif len(open_row) == 1:
+            open_row.append(panel)
+        else:
+            open_row = [panel]
+            rows.append(open_row)
+    return rows
+
+
 def figure(result: Result, *, panels: Sequence[Panel] | None = None) -> Figure:
     """Draw the standard figure of a result, in physical units where its scene has scales.
 
@@ -318,7 +467,7 @@ def figure(result: Result, *, panels: Sequence[Panel] | None = None) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Two panels to a row, 7 inches wide; the last of an odd number takes the whole row.
+        Two panels to a row, 7 inches wide; the last of an odd number takes the whole row, and so do rings.
 
     Raises
     ------
@@ -329,19 +478,25 @@ def figure(result: Result, *, panels: Sequence[Panel] | None = None) -> Figure:
     chosen = _choose(view, panels)
     draw = {"scalar": _draw_scalar, "profile": _draw_profile, "spacetime": _draw_spacetime}
     with matplotlib.rc_context(STYLE):
-        rows = (len(chosen) + 1) // 2
-        picture = Figure(figsize=(7.0, 0.9 + 2.35 * rows), layout="constrained")
+        rows = _layout(chosen)
+        heights = [RING_HEIGHT if row[0].kind == "ring" else ROW_HEIGHT for row in rows]
+        picture = Figure(figsize=(7.0, 0.9 + sum(heights)), layout="constrained")
         FigureCanvasAgg(picture)
+        if RING_HEIGHT in heights:
+            picture.get_layout_engine().set(h_pad=RING_GAP)  # type: ignore[union-attr,call-arg]
         body: SubFigure = picture.subfigures(1, 1, squeeze=True)  # type: ignore[assignment]
-        grid = body.add_gridspec(rows, 2)
-        for index, panel in enumerate(chosen):
-            row, column = divmod(index, 2)
-            last_alone = index == len(chosen) - 1 and column == 0
-            axes = body.add_subplot(grid[row, :] if last_alone else grid[row, column])
-            axes.set_title(panel.title, loc="left", parse_math=False)
-            draw[panel.kind](view, panel, axes)
+        grid = body.add_gridspec(len(rows), 2, height_ratios=heights)
+        for index, row in enumerate(rows):
+            for column, panel in enumerate(row):
+                place = grid[index, column] if len(row) == 2 else grid[index, :]
+                if panel.kind == "ring":
+                    _draw_rings(view, panel, body, place)
+                    continue
+                axes = body.add_subplot(place)
+                axes.set_title(panel.title, loc="left", parse_math=False)
+                draw[panel.kind](view, panel, axes)
         if any(panel.kind == "profile" for panel in chosen):
-            rows_shown = _profile_rows(view.t)
+            rows_shown = _spread_rows(view.t, PROFILES)
             lines = [Line2D([], [], color=colour, linewidth=2) for colour in _profile_colours(len(rows_shown))]
             texts = time_texts(view.t[rows_shown])
             body.legend(lines, texts, title=f"profiles at {view.time_label()}", loc="outside lower center", ncols=PROFILES, frameon=False)

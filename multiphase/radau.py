@@ -12,14 +12,16 @@ so any linear invariant of f holds after each iteration, whatever its error, as 
 difference to an embedded formula of order three, ``(mu M/h - J)^-1 (f(t, y) + M (e . Z)/h)``; between steps the
 collocation polynomial through y and the three stages gives the solution, to the order of that estimate.
 
-A model brings four compiled functions:
+A model brings five compiled functions:
 
     rates(data, t, y, out, work)                           f; y is [band unknowns, border unknowns, integrals]
     tangent(data, t, y, f, jac, columns, rows, corner, q_rows, q_corner, work, scratch)
     size_of(data, y, e)                                    norm of a change e of y in units of the tolerance
     admit(data, y, work)                                   brings y into its bounds; 0, or the number of the bound it breaks
+    project(data, y, f, jac)                               brings the algebraic part of y onto its equations; whether it was far off
 
-Integrals are unknowns on which nothing depends: they cost one product each.
+Integrals are unknowns on which nothing depends: they cost one product each. Algebraic unknowns do not enter the norm, and small steps
+reveal nothing of them, so every step begins by projecting them.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ import numpy as np
 
 from multiphase.banded import factor_bordered, solve_bordered
 from multiphase.compiled import compiled
+from multiphase.stepping import landing
 
 Array = Any
 
@@ -103,12 +106,12 @@ def workspace(size: int, half: int, border: int, integrals: int, model: Array) -
         q_rows=zeros(integrals, size),
         q_corner=zeros(integrals, border),
         band=zeros(size, 3 * half + 1),
-        pivots=zeros(size, kind=np.int64),
+        pivots=zeros(2, size, kind=np.int64),
         real_columns=zeros(border, size),
         real_rows=zeros(border, size),
         real_corner=zeros(border, border),
         complex_band=zeros(size, 3 * half + 1, kind=complex),
-        complex_pivots=zeros(size, kind=np.int64),
+        complex_pivots=zeros(2, size, kind=np.int64),
         complex_columns=zeros(border, size, kind=complex),
         complex_rows=zeros(border, size, kind=complex),
         complex_corner=zeros(border, border, kind=complex),
@@ -137,6 +140,11 @@ def size_of(data: Any, y: Array, e: Array) -> float:
 
 
 def admit(data: Any, y: Array, work: Array) -> int:
+    """Stands for the model's."""
+    raise NotImplementedError
+
+
+def project(data: Any, y: Array, f: Array, jac: Array) -> bool:
     """Stands for the model's."""
     raise NotImplementedError
 
@@ -292,14 +300,6 @@ def error_of(data: Any, mass: Array, t: float, y: Array, h: float, again: bool, 
     return error
 
 
-def landing(t: float, dt: float, stop: float) -> float:
-    """The time of the next step; as `multiphase.stepping.landing`."""
-    remaining = stop - t
-    if dt >= remaining * (1.0 - 1e-9):
-        return stop
-    return t + 0.5 * remaining if 2.0 * dt > remaining else t + dt
-
-
 def advance(
     data: Any, mass: Array, times: Array, past: Array, points: int, dt: float, fixed: float, stop: float, wanted: float, most_steps: int,
     tolerance: float, smallest: float, attempts: int, counters: Array, report: Array, work: Work,
@@ -334,16 +334,20 @@ def advance(
     taken = 0
     while times[0] < stop:
         t = times[0]
-        rates(data, t, past[0], work.f_0, work.model)
-        tangent(data, t, past[0], work.f_0, work.jac, work.columns, work.rows, work.corner, work.q_rows, work.q_corner, work.model,
-                work.scratch)  # fmt: skip
+        for _ in range(2):
+            rates(data, t, past[0], work.f_0, work.model)
+            tangent(data, t, past[0], work.f_0, work.jac, work.columns, work.rows, work.corner, work.q_rows, work.q_corner, work.model,
+                    work.scratch)  # fmt: skip
+            if not project(data, past[0], work.f_0, work.jac):
+                break
         reason, accepted = INEXACT, False
         for trial in range(attempts):
             goal = landing(t, dt, stop)
             h = goal - t
             if h <= smallest * max(abs(t), abs(stop)):
                 break
-            code, iterations, change = solve_stages(data, mass, times, past, points, h, tolerance, work)
+            known = points if trial == 0 else 1  # a bad guess may be what failed
+            code, iterations, change = solve_stages(data, mass, times, past, known, h, tolerance, work)
             counters[3] += iterations
             if code != DONE:
                 counters[2] += 1
@@ -383,16 +387,16 @@ def advance(
         if fixed > 0.0:
             dt = min(fixed, 2.0 * h)
         else:
-            growth = min(factor, 1.0 if trial else 8.0)
+            growth = min(factor, 1.0 if trial or iterations > 3 else 1.5 if iterations == 3 else 8.0)
             dt = max(h * growth, min(dt, 8.0 * h)) if h < 0.999 * dt and growth >= 1.0 else h * max(growth, 0.2)
         if times[0] >= wanted or taken >= most_steps:
             return GOING_ON, points, dt
     return DONE, points, dt
 
 
-def build(rates: Any, tangent: Any, size_of: Any, admit: Any, keep: str) -> Any:
-    """`advance` compiled for one model from its four compiled functions; `keep` is the fingerprint of the files they come from."""
-    own = {"rates": rates, "tangent": tangent, "size_of": size_of, "admit": admit}
+def build(rates: Any, tangent: Any, size_of: Any, admit: Any, project: Any, keep: str) -> Any:
+    """`advance` compiled for one model from its five compiled functions; `keep` is the fingerprint of the files they come from."""
+    own = {"rates": rates, "tangent": tangent, "size_of": size_of, "admit": admit, "project": project}
     own["shifted"] = compiled(shifted)
     own["resolve"] = compiled(resolve)
     own["interpolate"] = compiled(interpolate)

@@ -7,15 +7,17 @@ import importlib.metadata
 import json
 import logging
 import platform
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from multiphase import storage
 from multiphase.errors import ParameterError, SolverError
@@ -29,7 +31,7 @@ from multiphase.trackers import Balances, Interrupts, Progress, Recorder
 
 logger = logging.getLogger("multiphase")
 
-PACKAGES = ("multiphase-tissue", "numpy", "scipy", "fipy", "h5py")
+PACKAGES = ("multiphase-tissue", "numpy", "scipy", "numba", "fipy", "h5py")
 
 Existing = Literal["refuse", "resume", "replace"]
 
@@ -137,7 +139,7 @@ def _execute(
     again = f"run it again with --resume and -o {path} (in Python: file and resume=True)" if path else "give the run a file to resume from"
     try:
         try:
-            with threadpool_limits(limits=threads):
+            with _libraries(len(sys.modules)).limit(limits=threads):
                 if remaining:  # nothing remains of a run that was stopped at its end
                     state = integrate(scheme, state, remaining, _control(scene), hooks)
             return finish("completed", f"reached the end, t = {state.t:.6g}")
@@ -239,9 +241,21 @@ def _describe(result: Result, scene: Scene, plan: Plan, scheme: Any, threads: in
     result.status, result.message = "running", "the run had not ended when this was written; --resume goes on with it"
     result.platform, result.threads = f"{platform.platform()}, {platform.machine()}", threads
     result.created = result.created or datetime.now(UTC).isoformat(timespec="seconds")
-    result.versions = {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in PACKAGES}
+    result.versions = dict(versions())
     result.stats = result.stats | {"solver": plan.solver, "threads": threads, "unknowns": plan.unknowns}
     result.descriptions = {q.name: q.description for q in scene.model.quantities.values()} | getattr(scheme, "descriptions", {})
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a result depends on."""
+    return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in PACKAGES}
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """The thread pools of this process, looked for anew when further modules have been imported."""
+    return ThreadpoolController()
 
 
 def make_scene(
@@ -274,16 +288,6 @@ def make_scene(
         solver=replace(model.solver(), **(solver or {})),
         output=OutputTable(fields=tuple(fields) if fields is not None else None),
         scales=Scales.from_table(scales) if isinstance(scales, Mapping) else scales,
-    )
-
-
-def stats_line(result: Result) -> str:
-    """Cost of a run in one line."""
-    s = result.stats
-    rejected = s.get("rejected_error", 0) + s.get("rejected_solver", 0)
-    return (
-        f"{s.get('steps', 0)} steps ({rejected} rejected), {s.get('iterations', 0)} iterations, {s.get('wall_s', 0.0):.1f} s "
-        f"with {s.get('solver', '?')} on {result.threads} thread{'s' if result.threads != 1 else ''}"
     )
 
 

@@ -20,8 +20,10 @@ below 2, inside the bound 1 + sqrt(2) for stability of the second-order formula 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from math import prod
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -97,7 +99,7 @@ class Scheme(Protocol):
 class Integrator(Protocol):
     """A discretisation with a time integrator of its own, which advances between the loop's stops.
 
-    `breaks`, `kinks`, `initial`, `consistent` and `observe` are those of `Scheme`. Its state holds points of the last step,
+    `breaks`, `kinks`, `initial` and `consistent` are those of `Scheme`. Its state holds points of the last step,
     newest first, whose polynomial is the solution in between.
     """
 
@@ -113,8 +115,8 @@ class Integrator(Protocol):
     def advance(self, state: State, stop: float, wanted: float, control: Control) -> State:
         """Take steps, none beyond `stop`, and return after the first that reaches or passes `wanted`, or before; raises SolverError."""
 
-    def observe(self, t: float, u: Array) -> Snapshot:
-        """What is stored of the vector `u`."""
+    def between(self, t: float, state: State) -> Snapshot:
+        """What is stored at `t`, within the last step of `state` or at its end."""
 
 
 class Tracker:
@@ -208,10 +210,10 @@ def formula(order: int, t: float, times: Array, u: Array) -> tuple[float, Array]
 
 def predict(t: float, times: Array, u: Array) -> Array:
     """Value at `t` of the polynomial through the points (times, u)."""
+    at = times.tolist()
     value: Array = np.zeros_like(u[0])
-    for i, t_i in enumerate(times):
-        others = np.delete(times, i)
-        value += float(np.prod((t - others) / (t_i - others))) * u[i]
+    for i, t_i in enumerate(at):
+        value += prod((t - t_j) / (t_i - t_j) for j, t_j in enumerate(at) if j != i) * u[i]
     return value
 
 
@@ -267,6 +269,7 @@ def integrate(
     """
     t_end = save_at[-1]
     own = isinstance(scheme, Integrator)
+    step, observe = _steps(scheme, control)
     for tracker in trackers:
         tracker.on_start(state, t_end)
     for target in save_at:
@@ -274,17 +277,25 @@ def integrate(
             if state.t in scheme.breaks and len(state.times) > 1:
                 state = restart(scheme, state, control)
             stop = min([t_end if own else target, *(b for b in (*scheme.breaks, *scheme.kinks) if b > state.t)])
-            if isinstance(scheme, Integrator):
-                state = scheme.advance(state, stop, target, control)
-            else:
-                state = advance(scheme, state, stop, control)
+            state = step(state, stop, target)
             for tracker in trackers:
                 tracker.on_step(state)
-        u = state.u[0] if state.t == target else predict(target, state.times, state.u)
-        snapshot = scheme.observe(target, u)
+        snapshot = observe(target, state)
         for tracker in trackers:
             tracker.on_save(state, snapshot)
     return state
+
+
+def _steps(
+    scheme: Scheme | Integrator, control: Control
+) -> tuple[Callable[[State, float, float], State], Callable[[float, State], Snapshot]]:
+    """What takes steps towards a stop and a wanted time, and what reads a state at a time: the integrator itself, or the loop's own."""
+    if isinstance(scheme, Integrator):
+        return partial(scheme.advance, control=control), scheme.between
+    return (
+        lambda state, stop, wanted: advance(scheme, state, min(stop, wanted), control),
+        lambda t, state: scheme.observe(t, state.u[0]),
+    )
 
 
 def restart(scheme: Scheme | Integrator, state: State, control: Control) -> State:

@@ -19,7 +19,7 @@ The slip rows are balances of force over the area between two cell centres, the 
 pressure eliminated. In cell i with faces - and +, mean radius rm, strains ``e_r = a (v_+ - v_-)``, ``e_theta = s (v_+ + v_-)``,
 ``a = rm/(h W)``, ``s = 1/(2 rm)``, whose sum is exactly ``(r_+ v_+ - r_- v_-)/(h W)``:
 
-    interfacial:  0 = n_f f[c, n w] + c_f f[n, c w] + h W b n_f c_f w + r n_f Delta(c Sigma) + 2 (mu_m n + mu_n c)_f (V/r) Delta n
+    interfacial:  0 = n_f f[c, n w] + c_f f[n, c w] + h W b n_f c_f w + r n_f Delta(c Sigma) - 2 (mu_m n + mu_n c)_f (V/r) Delta n
                   f[phi, v] = d/dv_f of sum over cells of  h W phi ( nu (e_r^2 + e_theta^2)/2 + lambda e_r e_theta )
     drag:         0 = -r Delta(n c T) - (h W / r) mean(n c X) + h W b n_f c_f w - r S Delta n + r Delta(n c Sigma)
                       + 2 (mu_m - mu_n) (V/r) Delta(n c)
@@ -43,8 +43,7 @@ from multiphase import radau
 from multiphase.banded import factor as _factor
 from multiphase.banded import solve as _solve
 from multiphase.compiled import compiled
-from multiphase.geometry import relative_velocity as _relative_velocity
-from plaque1d import equations as eq
+from plaque1d import laws as law
 
 Array = Any
 
@@ -86,29 +85,12 @@ class Data(NamedTuple):
     floor: float
 
 
-_stress = compiled(eq.extra_stress)
-_stress_slope = compiled(eq.extra_stress_slope)
-_uptake = compiled(eq.uptake)
-_floored = compiled(eq.floored)
-_floored_slope = compiled(eq.floored_slope)
-_viscosity = compiled(eq.viscosity)
-_mean_viscosity = compiled(eq.mean_viscosity)
-_wall_concentration = compiled(eq.wall_concentration)
-_wall_slopes = compiled(eq.wall_concentration_slopes, wall_concentration=_wall_concentration)
-_growth_rate = compiled(eq.growth_rate)
-_necrotic_velocity = compiled(eq.necrotic_velocity)
-_wave_velocity = compiled(eq.short_wave_velocity, mean_viscosity=_mean_viscosity)
-_wave_slopes = compiled(eq.short_wave_excess_slopes, mean_viscosity=_mean_viscosity)
-_relative = compiled(_relative_velocity)
-
-
 def upwinded(diffusive: Any, velocity: Any) -> Any:
     """Coefficient of the difference over a face that keeps a central flux from overshooting: at least half the velocity."""
     return np.maximum(diffusive, 0.5 * np.abs(velocity))
 
 
 _upwinded = compiled(upwinded)
-_drag_diffusivity = compiled(eq.drag_diffusivity)
 _shifted = compiled(radau.shifted)
 _resolve = compiled(radau.resolve)
 
@@ -141,30 +123,50 @@ def _slope_weights(back: float, ahead: float) -> tuple[float, float]:
 
 
 @njit(error_model="numpy")
+def _end_slope(slope: float, d_own: float, d_next: float, gain: float) -> tuple[float, float, float]:
+    """A slope of an end cell, and its derivatives with respect to that cell and the next, bounded so that an empty cell sends nothing
+    out: by 2n where the face takes more n than the cell has, by 2(1 - n) where it takes more c. `gain` is the n of the cell where the
+    face takes more n, or minus its c where it takes less."""
+    if abs(slope) <= 2.0 * abs(gain):
+        return slope, d_own, d_next
+    sign = 1.0 if slope > 0.0 else -1.0
+    return sign * 2.0 * abs(gain), sign * 2.0 * (1.0 if gain >= 0.0 else -1.0), 0.0
+
+
+@njit(error_model="numpy")
 def _inner_slope(d: Data, n_0: float, n_1: float) -> tuple[float, float, float]:
     """Slope in the cell at the endothelium and its derivatives with respect to n_0 and n_1: the parabola with n_x = 0 at the wall, or
     through the given value, limited."""
     ahead = n_1 - n_0
-    if np.isnan(d.n_wall):
-        return 0.5 * ahead, -0.5, 0.5
-    inner = 2.0 * (n_0 - d.n_wall)
-    if inner * ahead <= 0.0:
-        return 0.0, 0.0, 0.0
-    parabola = 1.25 * n_0 - 1.5 * d.n_wall + 0.25 * n_1
-    if abs(parabola) <= 2.0 * abs(inner) and abs(parabola) <= 2.0 * abs(ahead):
-        return parabola, 1.25, 0.25
-    if abs(inner) <= abs(ahead):
-        return 2.0 * inner, 4.0, 0.0
-    return 2.0 * ahead, -2.0, 2.0
+    slope, own, other = 0.5 * ahead, -0.5, 0.5
+    if not np.isnan(d.n_wall):
+        inner = 2.0 * (n_0 - d.n_wall)
+        parabola = 1.25 * n_0 - 1.5 * d.n_wall + 0.25 * n_1
+        if inner * ahead <= 0.0:
+            slope, own, other = 0.0, 0.0, 0.0
+        elif abs(parabola) <= 2.0 * abs(inner) and abs(parabola) <= 2.0 * abs(ahead):
+            slope, own, other = parabola, 1.25, 0.25
+        elif abs(inner) <= abs(ahead):
+            slope, own, other = 2.0 * inner, 4.0, 0.0
+        else:
+            slope, own, other = 2.0 * ahead, -2.0, 2.0
+    return _end_slope(slope, own, other, n_0 if slope > 0.0 else n_0 - 1.0)
+
+
+@njit(error_model="numpy")
+def _outer_slope(n_last: float, n_before: float) -> tuple[float, float, float]:
+    """Slope in the last cell, where no condition holds, and its derivatives with respect to that cell and the one before."""
+    slope = n_last - n_before
+    return _end_slope(slope, 1.0, -1.0, n_last if slope < 0.0 else n_last - 1.0)
 
 
 @njit(error_model="numpy")
 def _damping(d: Data, v: float, n_f: float, slip: float, nu_n: float, nu_m: float) -> tuple[float, float, float, float]:
     """``s = max(|v|, |short-wave velocity|)`` on a face, and its derivatives with respect to n_f, the slip, and v."""
     n_s = min(max(n_f, d.floor), 1.0 - d.floor)  # keeps the mean viscosity above 0 where the only viscous phase is absent
-    wave = _wave_velocity(v, n_s, slip, nu_n, nu_m)
+    wave = law.short_wave_velocity(v, n_s, slip, nu_n, nu_m)
     if abs(wave) > abs(v):
-        excess_n, excess_w = _wave_slopes(n_s, slip, nu_n, nu_m)
+        excess_n, excess_w = law.short_wave_excess_slopes(n_s, slip, nu_n, nu_m)
         if n_s != n_f:
             excess_n = 0.0
         sign = 1.0 if wave >= 0.0 else -1.0
@@ -174,30 +176,33 @@ def _damping(d: Data, v: float, n_f: float, slip: float, nu_n: float, nu_m: floa
 
 
 # Rows of the work space: values in cells (N) or on faces (N + 1).
-_N, _L, _RADIUS, _STRESS, _SLOPE, _NF, _CF, _NC, _CC, _BACK, _HERE, _AHEAD, _NF_N, _CF_N = range(14)
-WORK_ROWS = 14
+_N, _L, _RADIUS, _STRESS, _SLOPE, _NF, _CF, _NC, _CC, _BACK, _HERE, _AHEAD, _NF_N, _CF_N, _FACE = range(15)
+WORK_ROWS = 15
 
 
 @njit(error_model="numpy")
 def _prepare(d: Data, y: Array, work: Array) -> None:
-    """Fractions, stress, slopes, radii and floored fractions of the state `y`."""
+    """Fractions, stress, slopes, radii and floored fractions of the state `y`; one loop each, as the compiler vectorises those."""
     N, m = d.cells, d.stride
     W = y[m * N]
+    n, l, face = work[_N], work[_L], work[_FACE]
+    inverse = 1.0 / W
     for i in range(N):
-        n, l = y[m * i] / W, y[m * i + 1] / W
-        work[_N, i], work[_L, i] = n, l
-        work[_STRESS, i] = _stress(l, d.A, d.B, d.k)
-        work[_NC, i], work[_CC, i] = _floored(n, d.floor), _floored(1.0 - n, d.floor)
-    n_all = work[_N]
-    work[_SLOPE, 0] = _inner_slope(d, n_all[0], n_all[1])[0]
+        n[i], l[i] = inverse * y[m * i], inverse * y[m * i + 1]
+    for i in range(N):
+        work[_STRESS, i] = law.extra_stress(l[i], d.A, d.B, d.k)
+    for i in range(N):
+        work[_NC, i], work[_CC, i] = law.floored(n[i], d.floor), law.floored(1.0 - n[i], d.floor)
+    work[_SLOPE, 0] = _inner_slope(d, n[0], n[1])[0]
     for i in range(1, N - 1):
-        work[_SLOPE, i] = _slope(n_all[i] - n_all[i - 1], n_all[i + 1] - n_all[i])
-    work[_SLOPE, N - 1] = n_all[N - 1] - n_all[N - 2]
+        work[_SLOPE, i] = _slope(n[i] - n[i - 1], n[i + 1] - n[i])
+    work[_SLOPE, N - 1] = _outer_slope(n[N - 1], n[N - 2])[0]
+    face[0], face[N] = n[0] if np.isnan(d.n_wall) else d.n_wall, n[N - 1]
+    for f in range(1, N):
+        face[f] = 0.5 * (n[f - 1] + n[f])
     for f in range(N + 1):
-        n = 0.5 * (n_all[max(f - 1, 0)] + n_all[min(f, N - 1)])
-        if f == 0 and not np.isnan(d.n_wall):
-            n = d.n_wall
-        work[_NF, f], work[_CF, f] = _floored(n, d.floor), _floored(1.0 - n, d.floor)
+        work[_NF, f], work[_CF, f] = law.floored(face[f], d.floor), law.floored(1.0 - face[f], d.floor)
+    for f in range(N + 1):
         work[_RADIUS, f] = np.sqrt(d.inner_radius * d.inner_radius + 2.0 * W * f / N) if d.annulus else 1.0
 
 
@@ -213,7 +218,7 @@ def _strains(d: Data, W: float, inner: float, outer: float) -> tuple[float, floa
 @njit(error_model="numpy")
 def _stiffness(d: Data, W: float, a: float, s: float, mu: float, lambda_: float) -> tuple[float, float, float]:
     """Second derivatives ++, --, +- of ``h W (nu (e_r^2 + e_theta^2)/2 + lambda e_r e_theta)`` with respect to the face velocities."""
-    nu, area = _viscosity(mu, lambda_), W / d.cells
+    nu, area = law.viscosity(mu, lambda_), W / d.cells
     direct, cross = nu * (a * a + s * s), 2.0 * lambda_ * a * s
     return area * (direct + cross), area * (direct - cross), area * nu * (s * s - a * a)
 
@@ -232,15 +237,15 @@ def _n_flux(d: Data, y: Array, work: Array, f: int) -> tuple[float, float]:
     n, V = work[_N], y[d.stride * d.cells + 1]
     n_f, slip = 0.5 * (n[f - 1] + n[f]), work[_RADIUS, f] * y[d.stride * (f - 1) + 2]
     left, right = n[f - 1] + 0.5 * work[_SLOPE, f - 1], n[f] - 0.5 * work[_SLOPE, f]
-    v = _relative(_necrotic_velocity(V, n_f, slip), f / d.cells, V)
-    s = _damping(d, v, n_f, slip, _viscosity(d.mu_n, d.lambda_n), _viscosity(d.mu_m, d.lambda_m))[0]
+    v = law.relative_velocity(law.necrotic_velocity(V, n_f, slip), f / d.cells, V)
+    s = _damping(d, v, n_f, slip, law.viscosity(d.mu_n, d.lambda_n), law.viscosity(d.mu_m, d.lambda_m))[0]
     return 0.5 * v * (left + right) - 0.5 * s * (right - left), v
 
 
 @njit(error_model="numpy")
 def _l_transport(d: Data, W: float, V: float, r: float, xi: float) -> tuple[float, float]:
     """Velocity of l through a face, and the coefficient of the difference over it: central, upwind where a cell is too long for that."""
-    velocity = _relative(V, xi, V)
+    velocity = law.relative_velocity(V, xi, V)
     return velocity, _upwinded(r * r * d.cells / W, velocity)
 
 
@@ -273,7 +278,7 @@ def rates(d: Data, t: float, y: Array, out: Array, work: Array) -> None:
     Psi_l = influx(d, t)
     total = 0.0
     for i in range(N):
-        rate = _uptake(l[i], n[i])
+        rate = law.uptake(l[i], n[i])
         total += rate
         out[m * i], out[m * i + 1] = d.k_m * W * rate, -d.k_l * W * rate
     out[1] += d.inner_radius * Psi_l / h
@@ -290,9 +295,9 @@ def rates(d: Data, t: float, y: Array, out: Array, work: Array) -> None:
     else:
         _interfacial_rows(d, y, out, work)
     out[m * (N - 1) + 2] = y[m * (N - 1) + 2]
-    l_wall = _wall_concentration(l[0], 0.5 * h * W / d.inner_radius, Psi_l, d.Psi_m)
+    l_wall = law.wall_concentration(l[0], 0.5 * h * W / d.inner_radius, Psi_l, d.Psi_m)
     out[m * N] = V
-    out[m * N + 1] = V - d.inner_radius * _growth_rate(l_wall, d.Psi_m)
+    out[m * N + 1] = V - d.inner_radius * law.growth_rate(l_wall, d.Psi_m)
     out[m * N + 2], out[m * N + 3], out[m * N + 4] = h * W * total, d.inner_radius * Psi_l, V
 
 
@@ -307,7 +312,7 @@ def _interfacial_rows(d: Data, y: Array, out: Array, work: Array) -> None:
         step = (1.0 - n[f]) * work[_STRESS, f] - (1.0 - n[f - 1]) * work[_STRESS, f - 1]
         out[row] = h * W * d.b * n_f[f] * c_f[f] * y[row] + r * n_f[f] * step
         if d.annulus:
-            out[row] += 2.0 * _mean_viscosity(0.5 * (n[f - 1] + n[f]), d.mu_n, d.mu_m) * (V / r) * (n[f] - n[f - 1])
+            out[row] -= 2.0 * law.mean_viscosity(0.5 * (n[f - 1] + n[f]), d.mu_n, d.mu_m) * (V / r) * (n[f] - n[f - 1])
     inner = _slip_at(d, y, work, 0)
     for i in range(N):
         outer = _slip_at(d, y, work, i + 1)
@@ -330,7 +335,7 @@ def _drag_cell(d: Data, work: Array, i: int, a: float, s: float) -> tuple[float,
     """Coefficients of a cell in the drag form: ``n c T = p[0] w_+ + p[1] w_-`` and ``n c X = p[2] w_+ + p[3] w_-``."""
     product = work[_NC, i] * work[_CC, i]
     n_m, n_p, c_m, c_p = work[_NF, i], work[_NF, i + 1], work[_CF, i], work[_CF, i + 1]
-    nu_n, nu_m = _viscosity(d.mu_n, d.lambda_n), _viscosity(d.mu_m, d.lambda_m)
+    nu_n, nu_m = law.viscosity(d.mu_n, d.lambda_n), law.viscosity(d.mu_m, d.lambda_m)
     z_p, z_m = nu_m * n_p + nu_n * c_p, nu_m * n_m + nu_n * c_m
     y_p, y_m = d.lambda_m * n_p + d.lambda_n * c_p, d.lambda_m * n_m + d.lambda_n * c_m
     m_p, m_m = d.mu_m * n_p + d.mu_n * c_p, d.mu_m * n_m + d.mu_n * c_m
@@ -448,15 +453,15 @@ def tangent(
         slope = 1.0
         if f == 0 and not np.isnan(d.n_wall):
             slope = 0.0
-        work[_NF_N, f], work[_CF_N, f] = slope * _floored_slope(fraction, d.floor), -slope * _floored_slope(1.0 - fraction, d.floor)
+        work[_NF_N, f], work[_CF_N, f] = slope * law.floored_slope(fraction, d.floor), -slope * law.floored_slope(1.0 - fraction, d.floor)
     if d.drag:
         _drag_tangent(d, y, jac, work)
     else:
         _interfacial_tangent(d, y, jac, work)
     jac[m * (N - 1) + 2, :] = 0.0
     jac[m * (N - 1) + 2, half] = 1.0
-    inner, _ = _wall_slopes(l[0], 0.5 * h * W / d.inner_radius, influx(d, t), d.Psi_m)
-    rows[1, 1] = -d.inner_radius * _growth_rate(inner, d.Psi_m) / W
+    inner, _ = law.wall_concentration_slopes(l[0], 0.5 * h * W / d.inner_radius, influx(d, t), d.Psi_m)
+    rows[1, 1] = -d.inner_radius * law.growth_rate(inner, d.Psi_m) / W
 
 
 @njit(error_model="numpy")
@@ -470,15 +475,18 @@ def _transport_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
         if i == 0:
             _, here, ahead = _inner_slope(d, n[0], n[1])
             work[_BACK, 0], work[_HERE, 0], work[_AHEAD, 0] = 0.0, here, ahead
+        elif i == N - 1:
+            _, here, back = _outer_slope(n[i], n[i - 1])
+            work[_BACK, i], work[_HERE, i], work[_AHEAD, i] = back, here, 0.0
         else:
-            back, ahead = (1.0, 0.0) if i == N - 1 else _slope_weights(n[i] - n[i - 1], n[i + 1] - n[i])
+            back, ahead = _slope_weights(n[i] - n[i - 1], n[i + 1] - n[i])
             work[_BACK, i], work[_HERE, i], work[_AHEAD, i] = -back, back - ahead, ahead
-    nu_n, nu_m = _viscosity(d.mu_n, d.lambda_n), _viscosity(d.mu_m, d.lambda_m)
+    nu_n, nu_m = law.viscosity(d.mu_n, d.lambda_n), law.viscosity(d.mu_m, d.lambda_m)
     for f in range(1, N):
         xi, r, i, j = f * h, radius[f], f - 1, f
         n_f, slip = 0.5 * (n[i] + n[j]), r * y[m * i + 2]
         left, right = n[i] + 0.5 * work[_SLOPE, i], n[j] - 0.5 * work[_SLOPE, j]
-        v = _relative(_necrotic_velocity(V, n_f, slip), xi, V)
+        v = law.relative_velocity(law.necrotic_velocity(V, n_f, slip), xi, V)
         s, s_n, s_w, _ = _damping(d, v, n_f, slip, nu_n, nu_m)
         mean, jump = 0.5 * (left + right), right - left
         from_left, from_right = 0.5 * (v + s), 0.5 * (v - s)
@@ -530,12 +538,12 @@ def _interfacial_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
         fraction = h * W * d.b * (slope_n * c_f[f] + n_f[f] * slope_c) * w + r * slope_n * step
         curved = 0.0
         if d.annulus:
-            curved = 2.0 * _mean_viscosity(0.5 * (n[f - 1] + n[f]), d.mu_n, d.mu_m) * V / r
-            fraction += 2.0 * (d.mu_m - d.mu_n) * V / r * (n[f] - n[f - 1])
+            curved = -2.0 * law.mean_viscosity(0.5 * (n[f - 1] + n[f]), d.mu_n, d.mu_m) * V / r
+            fraction -= 2.0 * (d.mu_m - d.mu_n) * V / r * (n[f] - n[f - 1])
         _add_fraction(d, jac, row, f, fraction / W)
         for cell, sign in ((f - 1, -1.0), (f, 1.0)):
             jac[row, m * cell - row + half] += sign * (curved - r * n_f[f] * work[_STRESS, cell]) / W
-            slope = _stress_slope(l[cell], d.A, d.B, d.k)
+            slope = law.extra_stress_slope(l[cell], d.A, d.B, d.k)
             jac[row, m * cell + 1 - row + half] += sign * r * n_f[f] * (1.0 - n[cell]) * slope / W
     inner = _slip_at(d, y, work, 0)
     for i in range(N):
@@ -543,7 +551,7 @@ def _interfacial_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
         _, a, s = _strains(d, W, radius[i], radius[i + 1])
         for phase in range(2):
             fraction = work[_CC, i] if phase == 0 else work[_NC, i]
-            fraction_n = -_floored_slope(1.0 - n[i], d.floor) if phase == 0 else _floored_slope(n[i], d.floor)
+            fraction_n = -law.floored_slope(1.0 - n[i], d.floor) if phase == 0 else law.floored_slope(n[i], d.floor)
             face, face_n = (n_f, work[_NF_N]) if phase == 0 else (c_f, work[_CF_N])
             mu, lambda_ = (d.mu_m, d.lambda_m) if phase == 0 else (d.mu_n, d.lambda_n)
             pp, mm, pm = _stiffness(d, W, a, s, mu, lambda_)
@@ -577,7 +585,7 @@ def _drag_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
     h, W, V = 1.0 / N, y[m * N], y[m * N + 1]
     half = 2 * m
     n, l, radius, stress = work[_N], work[_L], work[_RADIUS], work[_STRESS]
-    nu_n, nu_m = _viscosity(d.mu_n, d.lambda_n), _viscosity(d.mu_m, d.lambda_m)
+    nu_n, nu_m = law.viscosity(d.mu_n, d.lambda_n), law.viscosity(d.mu_m, d.lambda_m)
     inner = _slip_at(d, y, work, 0)
     for i in range(N):
         outer = _slip_at(d, y, work, i + 1)
@@ -585,7 +593,7 @@ def _drag_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
         t_p, t_m, x_p, x_m = _drag_cell(d, work, i, a, s)
         force, hoop = t_p * outer + t_m * inner, x_p * outer + x_m * inner
         product = work[_NC, i] * work[_CC, i]
-        product_n = _floored_slope(n[i], d.floor) * work[_CC, i] - work[_NC, i] * _floored_slope(1.0 - n[i], d.floor)
+        product_n = law.floored_slope(n[i], d.floor) * work[_CC, i] - work[_NC, i] * law.floored_slope(1.0 - n[i], d.floor)
         # derivatives of the coefficients, times w, with respect to the fraction of either face
         n_m, c_m = work[_NF_N, i], work[_CF_N, i]
         n_p, c_p = (work[_NF_N, i + 1], work[_CF_N, i + 1]) if i < N - 1 else (0.0, 0.0)
@@ -612,7 +620,7 @@ def _drag_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
                 jac[row, 1 + half] -= sign * r * n[i]
             by_n = sign * by_n + hoop_weight * hoop * product_n / product
             jac[row, m * i - row + half] += by_n / W
-            jac[row, m * i + 1 - row + half] += sign * r * mixed * _stress_slope(l[i], d.A, d.B, d.k) / W
+            jac[row, m * i + 1 - row + half] += sign * r * mixed * law.extra_stress_slope(l[i], d.A, d.B, d.k) / W
             _add_fraction(d, jac, row, i, (-sign * r * t_m_n + hoop_weight * x_m_n) / W)
             if i > 0:
                 jac[row, m * (i - 1) + 2 - row + half] += -sign * r * t_m + hoop_weight * x_m
@@ -660,6 +668,31 @@ def size_of(d: Data, y: Array, e: Array) -> float:
 
 
 @njit(error_model="numpy")
+def bounded(d: Data, y: Array) -> None:
+    """Bring n back into [0, 1] with its sum kept: what lies outside is taken from, or given to, all cells in proportion to what they
+    have, or have room for."""
+    N, m = d.cells, d.stride
+    W = y[m * N]
+    excess = give = take = 0.0
+    outside = False
+    for i in range(N):
+        amount = y[m * i]
+        inside = min(max(amount, 0.0), W)
+        outside = outside or inside != amount
+        excess += amount - inside
+        give += inside
+        take += W - inside
+    if not outside:
+        return
+    whole = max(give if excess < 0.0 else take, abs(excess))
+    share = excess / whole if whole > 0.0 else 0.0
+    for i in range(N):
+        inside = min(max(y[m * i], 0.0), W)
+        room = inside if excess < 0.0 else W - inside
+        y[m * i] = min(max(inside + room * share, 0.0), W)
+
+
+@njit(error_model="numpy")
 def admit(d: Data, y: Array, work: Array) -> int:
     """Bring n back into [0, 1] with its sum kept. Refuses a step after which n (1) or l (2) has left its range by more than rtol, W is not
     positive (3), or the drag form is ill-posed for want of any viscosity (4); 0 otherwise."""
@@ -667,68 +700,63 @@ def admit(d: Data, y: Array, work: Array) -> int:
     W = y[m * N]
     if not W > 0.0:
         return 3
-    excess = largest = lowest = 0.0
-    give = take = 0.0
+    largest = lowest = 0.0
     for i in range(N):
         amount, l = y[m * i], y[m * i + 1] / W
         if amount < -d.rtol * W or amount > (1.0 + d.rtol) * W:
             return 1
         largest, lowest = max(largest, abs(l)), min(lowest, l)
-        inside = min(max(amount, 0.0), W)
-        excess += amount - inside
-        give += inside
-        take += W - inside
     if lowest < -d.rtol * max(largest, 1e-3 * d.l_reference):
         return 2
-    if excess != 0.0:
+    bounded(d, y)
+    if d.drag and law.viscosity(d.mu_n, d.lambda_n) == 0.0 and law.viscosity(d.mu_m, d.lambda_m) == 0.0:
         for i in range(N):
-            inside = min(max(y[m * i], 0.0), W)
-            room = inside if excess < 0.0 else W - inside
-            y[m * i] = inside + room * (excess / max(give if excess < 0.0 else take, abs(excess)))
-    if d.drag and _viscosity(d.mu_n, d.lambda_n) == 0.0 and _viscosity(d.mu_m, d.lambda_m) == 0.0:
-        for i in range(N):
-            if _drag_diffusivity(y[m * i] / W, _stress(y[m * i + 1] / W, d.A, d.B, d.k), d.p_out) < 0.0:
+            if law.drag_diffusivity(y[m * i] / W, law.extra_stress(y[m * i + 1] / W, d.A, d.B, d.k), d.p_out) < 0.0:
                 return 4
     return 0
 
 
 @njit(error_model="numpy")
-def settle(d: Data, t: float, y: Array, jac: Array, band: Array, pivots: Array, work: Array) -> bool:
-    """Bring the algebraic part of `y` (V, w, S) onto its equations, which are linear in w and S. False if they are singular.
-
-    `jac`, `band` and `pivots` are work space as in `multiphase.radau.Work`.
-    """
+def project(d: Data, y: Array, f: Array, jac: Array) -> bool:
+    """Bring w and S of `y` onto their equations, which are linear in them, with the rates `f` and the tangent `jac` there; True if they
+    were so far off that both must be evaluated anew. False, too, where the equations are singular: Newton's method will say so."""
     N, m = d.cells, d.stride
-    size, half = m * N, 2 * m
-    W = y[size]
+    kinds, half = m - 2, 2 * m
+    narrow = 2 * kinds - 1
+    band = np.zeros((kinds * N, 3 * narrow + 1))
+    change = np.empty(kinds * N)
+    pivots = np.empty((2, kinds * N), dtype=np.int64)
     for i in range(N):
-        y[m * i + 2] = 0.0
-        if m == 4:
-            y[m * i + 3] = 0.0
-    l_wall = _wall_concentration(y[1] / W, 0.5 * W / (N * d.inner_radius), influx(d, t), d.Psi_m)
-    y[size + 1] = d.inner_radius * _growth_rate(l_wall, d.Psi_m)
-    f = np.empty(y.size)
-    scratch = np.empty(y.size)
-    rates(d, t, y, f, work)
-    columns, q_rows = np.empty((BORDER, size)), np.empty((INTEGRALS, size))
-    rows, corner, q_corner = np.empty((BORDER, size)), np.empty((BORDER, BORDER)), np.empty((INTEGRALS, BORDER))
-    tangent(d, t, y, f, jac, columns, rows, corner, q_rows, q_corner, work, scratch)
-    band[:, :] = 0.0
-    for i in range(size):
-        if i % m < 2:
-            band[i, half] = 1.0
-            f[i] = 0.0
-        else:
-            for j in range(2 * half + 1):
-                band[i, j] = jac[i, j]
-    if not _factor(band, half, pivots):
+        for p in range(kinds):
+            row, here = m * i + 2 + p, kinds * i + p
+            change[here] = -f[row]
+            for j in range(max(i - 1, 0), min(i + 1, N - 1) + 1):
+                for q in range(kinds):
+                    band[here, kinds * j + q - here + narrow] = jac[row, m * j + 2 + q - row + half]
+    if not _factor(band, narrow, pivots):
         return False
-    change = -f[:size]
-    _solve(band, half, pivots, change)
+    _solve(band, narrow, pivots, change)
+    moved = largest = 0.0
+    for i in range(N):
+        for p in range(kinds):
+            y[m * i + 2 + p] += change[kinds * i + p]
+        moved, largest = max(moved, abs(change[kinds * i])), max(largest, abs(y[m * i + 2]))
+    return moved > 1e-3 * largest
+
+
+@njit(error_model="numpy")
+def settle(d: Data, t: float, y: Array, w: Any) -> None:
+    """Bring the algebraic part of `y` (V, w, S) onto its equations; `w` is the work space of `multiphase.radau`."""
+    N, m = d.cells, d.stride
+    size = m * N
+    l_wall = law.wall_concentration(y[1] / y[size], 0.5 * y[size] / (N * d.inner_radius), influx(d, t), d.Psi_m)
+    y[size + 1] = d.inner_radius * law.growth_rate(l_wall, d.Psi_m)
     for i in range(size):
         if i % m >= 2:
-            y[i] += change[i]
-    return True
+            y[i] = 0.0
+    rates(d, t, y, w.f_0, w.model)
+    tangent(d, t, y, w.f_0, w.jac, w.columns, w.rows, w.corner, w.q_rows, w.q_corner, w.model, w.scratch)
+    project(d, y, w.f_0, w.jac)
 
 
 @njit(error_model="numpy")

@@ -24,14 +24,15 @@ Number = TypeVar("Number", float, Array)
 
 def extra_stress(l: Array, A: float, B: float, k: float) -> Array:
     """Contact stress of macrophages, Sigma = A / (1 + B l^k), (3.6); it falls as modLDL attracts them."""
-    return A / (1.0 + B * np.maximum(l, 0.0) ** k)
+    positive = np.maximum(l, 0.0)
+    return A / (1.0 + B * (positive if k == 1.0 else positive**k))
 
 
 def extra_stress_slope(l: Array, A: float, B: float, k: float) -> Array:
     """dSigma/dl; infinite at l = 0 for k < 1, which the parameter checks refuse. Zero for l < 0."""
     positive = np.maximum(l, 0.0)
-    slope = -A * B * k * positive ** (k - 1.0) / (1.0 + B * positive**k) ** 2
-    return np.where(l < 0.0, 0.0, slope)
+    power = 1.0 if k == 1.0 else positive ** (k - 1.0)
+    return (l >= 0.0) * (-A * B * k * power / (1.0 + B * power * positive) ** 2)
 
 
 def uptake(l: Number, n: Number) -> Number:

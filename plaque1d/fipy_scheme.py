@@ -124,7 +124,7 @@ class FipyScheme(SemiDiscrete):
     def _load(self, t: float, past: Array, x: Array) -> None:
         """Put an iterate and its coefficients into the FiPy variables; its rates and their tangent are left in the work space."""
         p, lay, h, N = self.parameters, self.layout, self.grid.spacing, self.grid.cells
-        y, work, data = self._vector(x), self.work, self.data(float(np.nextafter(t, 0.0)))
+        y, work, data = self._vector(x), self.work, self.data_until(t)
         entry("face_values")(data, y, self._faces, work.model)
         entry("rates")(data, t, y, work.f_0, work.model)
         entry("tangent")(data, t, y, work.f_0, work.jac, work.columns, work.rows, work.corner, work.q_rows, work.q_corner, work.model,

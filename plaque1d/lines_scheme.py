@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multiphase import radau
-from multiphase.stepping import Control, Solved, State, StepFailure, failed_step, steps_left
+from multiphase.stepping import Control, Snapshot, Solved, State, StepFailure, failed_step, steps_left
 from plaque1d import discretisation as fv
+from plaque1d.observation import FIELDS, SCALARS
 from plaque1d.semidiscrete import SemiDiscrete, entry, mark
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ VALUES_PER_CALL = 200_000
 
 @cache
 def _advance() -> Any:
-    return radau.build(fv.rates, fv.tangent, fv.size_of, fv.admit, mark())
+    return radau.build(fv.rates, fv.tangent, fv.size_of, fv.admit, fv.project, mark())
 
 
 class LinesScheme(SemiDiscrete):
@@ -45,7 +46,7 @@ class LinesScheme(SemiDiscrete):
         if not y[self.size] > 0.0:
             raise StepFailure(f"the predicted size of the wall is {y[self.size]:.3g}")
         code, iterations, change = entry("newton_step")(
-            self.data(float(np.nextafter(t, 0.0))), self.mass, t, alpha, past, y, NEWTON_TOLERANCE, NEWTON_ITERATIONS, self.work
+            self.data_until(t), self.mass, t, alpha, past, y, NEWTON_TOLERANCE, NEWTON_ITERATIONS, self.work
         )
         if code != radau.DONE:
             raise StepFailure(self.reason(code, change))
@@ -70,9 +71,17 @@ class RadauLines(LinesScheme):
         )  # fmt: skip
         counts = dict(zip(state.counters, counters.tolist(), strict=True))
         reached = State(times=times[:points].copy(), u=past[:points].copy(), dt=dt, counters=counts)
-        if code not in (radau.DONE, radau.GOING_ON):
-            raise failed_step(replace(reached, dt=dt), [f"dt = {report[0]:.3g}: {self.reason(code, float(report[1]))}"])
-        return reached
+        if code in (radau.DONE, radau.GOING_ON):
+            return reached
+        if reached.t > state.t:  # what was reached goes to the loop first; from there the failure comes again
+            return replace(reached, dt=float(times[0] - times[-1]))
+        raise failed_step(replace(reached, dt=dt), [f"dt = {report[0]:.3g}: {self.reason(code, float(report[1]))}"])
+
+    def between(self, t: float, state: State) -> Snapshot:
+        """What is stored at `t`, within the last step of `state` or at its end."""
+        fields, scalars = np.empty((len(FIELDS) + 1, self.grid.cells)), np.empty(len(SCALARS))
+        entry("between")(self.data_until(t), t, state.times, state.u, self._totals, fields, scalars)
+        return self.named(t, fields, scalars, {})
 
     @property
     def newton_tolerance(self) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,11 +45,17 @@ _QUANTITIES = (
 _PANELS = (
     Panel("scalar", ("L", "L_rate"), "Width of the intima and its growth rate"),
     Panel("spacetime", ("n",), "Necrotic fraction on the growing intima"),
+    Panel("ring", ("n",), "Cross-section of the vessel"),
     Panel("profile", ("n",), "Necrotic fraction"),
     Panel("profile", ("l",), "Modified LDL"),
     Panel("profile", ("u_n", "u_m"), "Velocities of the phases"),
     Panel("profile", ("p_n",), "Pressure"),
 )
+
+
+def _ring(geometry: Mapping[str, Any]) -> float | None:
+    """R_1 of the annulus."""
+    return geometry["lumen_radius"] if geometry.get("kind") == "annulus" else None
 
 
 def _check(scene: Scene) -> None:
@@ -58,6 +64,8 @@ def _check(scene: Scene) -> None:
     check(scene.parameters, scene.initial)
     if scene.geometry.annulus and scene.solver.method == "fipy" and scene.parameters.momentum == "drag":
         raise ParameterError("solver.method", '"fipy" has no drag form in the annulus; write method = "lines", or change the form.')
+    if scene.geometry.annulus:
+        _check_hoop(scene.parameters)
     solver, end = scene.solver, scene.time.end
     if solver.dt is not None and end / solver.dt > solver.max_steps:
         raise ParameterError(
@@ -96,6 +104,16 @@ def _plan(scene: Scene) -> Plan:
         ),
         warnings=drag_warning(p, scene.initial, scene.time.end),
     )
+
+
+def _check_hoop(p: PlaqueParameters) -> None:
+    """In the annulus strain dissipates, nu (e_r^2 + e_theta^2)/2 + lambda e_r e_theta >= 0, only for lambda >= -mu."""
+    for phase, mu, lambda_ in (("n", p.mu_n, p.lambda_n), ("m", p.mu_m, p.lambda_m)):
+        if lambda_ < -mu:
+            raise ParameterError(
+                f"parameters.lambda_{phase}",
+                f"{lambda_:g} is below -mu_{phase} = {-mu:g}: in the annulus a strain would then gain energy. Take {-mu:g} or more.",
+            )
 
 
 def _domain(geometry: PlaqueGeometry, cells: int) -> str:
@@ -152,17 +170,17 @@ def _summary(result: Result) -> list[tuple[str, str]]:
         return f"{shown[name][-1]:.{digits}g}" + (f" {unit}" if unit != "-" else "")
 
     first = f"{shown['L'][0]:.4g}" + (f" {shown.unit('L')}" if shown.unit("L") != "-" else "")
-    width = float(result["L"][-1])
+    n_share = float(result["n_total"][-1] / (result["n_total"][-1] + result["c_total"][-1]))
     core = "n not stored"
     if "n" in result.fields:
         fraction = float(np.mean(result["n"][-1] > 0.9 + 1e-9))
-        core = f"n > 0.9 in {100.0 * fraction:.0f} % of the width, n from {result['n'][-1].min():.3f} to {result['n'][-1].max():.3f}"
+        core = f"n > 0.9 in {100.0 * fraction:.0f} % of the wall, n from {result['n'][-1].min():.3f} to {result['n'][-1].max():.3f}"
     defects = ", ".join(f"{name[7:]} {np.max(np.abs(result[name])):.0e}" for name in ("defect_L", "defect_n", "defect_c", "defect_l"))
     return [
         ("time", f"{shown.t[-1]:.5g}" + (f" {shown.unit('t')}" if shown.unit("t") != "-" else "")),
         ("width L", f"{value('L')}  (from {first})"),
         ("growth rate L'", value("L_rate", 4)),
-        ("necrotic fraction", f"{result['n_total'][-1] / width:.4f} on average, {result['n_wall'][-1]:.4f} at the endothelium"),
+        ("necrotic fraction", f"{n_share:.4f} on average, {result['n_wall'][-1]:.4f} at the endothelium"),
         ("necrotic core", core),
         ("balance defects", f"{defects}  (relative, largest over the run)"),
     ]
@@ -186,6 +204,7 @@ MODEL = Model(
     summary=_summary,
     ends=("lumen | endothelium", "media"),
     trackers=_trackers,
+    ring=_ring,
 )
 
 

@@ -3,123 +3,145 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from multiphase import radau
+from multiphase.compiled import compiled
 from multiphase.geometry import MovingGrid
-from multiphase.stepping import Snapshot
-from plaque1d import equations as eq
-from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
+from plaque1d import discretisation as fv
+from plaque1d import laws as law
+from plaque1d.parameters import PlaqueGeometry
 
 Array = NDArray[np.float64]
 
 SMALLEST_FRACTION = 1e-5
 """Macrophage fraction at the endothelium below which the slip velocity there, V/c, is no longer resolved."""
 
+_interpolate = compiled(radau.interpolate)
+
+GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
+FIELDS = ("n", "c", "l", "u_n", "u_m", "p_n")
+SCALARS = ("L", "L_rate", "l_wall", "n_wall", "n_total", "c_total", "l_total", "defect_L", "defect_n", "defect_c", "defect_l")
+
 
 def cell_averages(function: Callable[..., Array], grid: MovingGrid, geometry: PlaqueGeometry, L: float) -> Array:
     """Averages over the cells of a function of x and xi = x/L, by Gauss's rule of three points."""
-    points, weights = np.polynomial.legendre.leggauss(3)
-    share = grid.centres[:, None] + 0.5 * grid.spacing * points
+    share = grid.centres[:, None] + 0.5 * grid.spacing * GAUSS_POINTS
     x = geometry.position(share.ravel(), geometry.size(L))
     values = np.asarray(function(x=x, xi=x / L), dtype=float).reshape(share.shape)
-    averages: Array = values @ (0.5 * weights)
+    averages: Array = values @ (0.5 * GAUSS_WEIGHTS)
     return averages
 
 
-@dataclass(slots=True)
-class Observer:
-    """Turns states into snapshots.
+@njit(error_model="numpy")
+def _distance(d: fv.Data, share: float, W: float) -> float:
+    """Distance from the endothelium within which a share of the wall lies."""
+    if not d.annulus:
+        return share * W
+    return 2.0 * share * W / (d.inner_radius + np.sqrt(d.inner_radius * d.inner_radius + 2.0 * share * W))
 
-    Attributes
+
+@njit(error_model="numpy")
+def observe(d: fv.Data, t: float, y: Any, start: Any, gains: Any, fields: Any, scalars: Any) -> None:
+    """Fields at the cell centres, and scalars, of the vector `y` of the schemes.
+
+    Parameters
     ----------
-    parameters, geometry, grid
-    totals : (4,) array
-        Integrals of n, c and l, and W, at the start; the balances are drawn up against them.
+    d : plaque1d.discretisation.Data
+        Of the stretch of Psi_l(t) that ends at `t`.
+    t : float
+    y : array
+    start : (4,) array
+        Integrals of n, c and l, and W, at the start.
+    gains : (4,) array
+        Integrals over time of the sources of n, of the losses of l, of the influx of modLDL, and of dW/dt.
+    fields : (7, N) array
+        Filled with `FIELDS`, then the positions of the cell centres.
+    scalars : (11,) array
+        Filled with `SCALARS`. Amounts are per unit length of endothelium, defects relative to the larger
+        of the amount (for the fractions, of W) and what came in.
     """
+    N, m = d.cells, d.stride
+    W, R_1 = y[m * N], d.inner_radius
+    h = 1.0 / N
+    n, l = fields[0], fields[2]
+    n_total = l_total = 0.0
+    for i in range(N):
+        n[i], l[i] = y[m * i] / W, y[m * i + 1] / W
+        fields[1, i] = 1.0 - n[i]
+        fields[6, i] = _distance(d, (i + 0.5) * h, W)
+        n_total += y[m * i]
+        l_total += y[m * i + 1]
+    n_total, l_total = n_total * h, l_total * h
+    l_wall = law.wall_concentration(l[0], 0.5 * h * W / R_1, fv.influx(d, t), d.Psi_m)
+    V = R_1 * law.growth_rate(l_wall, d.Psi_m)
+    n_wall = n[0] - (n[1] - n[0]) / 6.0 if np.isnan(d.n_wall) else d.n_wall
+    _velocities_and_pressure(d, y, V, n_wall, fields)
+    L = _distance(d, 1.0, W)
+    scalars[0], scalars[1], scalars[2], scalars[3] = L, V / (R_1 + L if d.annulus else 1.0), l_wall, n_wall
+    c_total = W - n_total
+    scalars[4], scalars[5], scalars[6] = n_total / R_1, c_total / R_1, l_total / R_1
+    n_gain, l_loss, influx, growth = gains
+    for i, total, first, gain, through in (
+        (7, W, start[3], growth, abs(growth)),
+        (8, n_total, start[0], n_gain, max(abs(n_gain), W)),
+        (9, c_total, start[1], growth - n_gain, max(abs(growth + n_gain), W)),
+        (10, l_total, start[2], influx - l_loss, abs(influx + l_loss)),
+    ):
+        scale = max(abs(total), through)
+        scalars[i] = (total - first - gain) / scale if scale > 0.0 else 0.0
 
-    parameters: PlaqueParameters
-    geometry: PlaqueGeometry
-    grid: MovingGrid
-    totals: Array = field(default_factory=lambda: np.zeros(4))
 
-    def wall(self, t: float, l_0: float, W: float, side: int = -1) -> float:
-        """modLDL at the endothelium at time t, from its influx just before it (or after it, with ``side = 1``)."""
-        p, R_1 = self.parameters, self.geometry.inner_radius
-        side = side if t > 0.0 else 1
-        return eq.wall_concentration(l_0, 0.5 * self.grid.spacing * W / R_1, p.Psi_l(t, side=side), p.Psi_m)
+@njit(error_model="numpy")
+def _velocities_and_pressure(d: fv.Data, y: Any, V: float, n_wall: float, fields: Any) -> None:
+    """u_n and u_m, averaged from the faces, and p_n from the sum of the momentum balances integrated from the outer wall."""
+    N, m = d.cells, d.stride
+    W, n = y[m * N], fields[0]
+    nu_n, nu_m = law.viscosity(d.mu_n, d.lambda_n), law.viscosity(d.mu_m, d.lambda_m)
+    outer = d.p_out
+    r_p = n_p = m_p = 0.0  # radius, u_n and u_m on the outer face of a cell; with _m on the inner one
+    for f in range(N, -1, -1):
+        r_m = d.inner_radius + _distance(d, f / N, W) if d.annulus else 1.0
+        mixture = V / r_m
+        if f == N:
+            fraction, slip = n[N - 1] + 0.5 * (n[N - 1] - n[N - 2]), 0.0
+        elif f > 0:
+            fraction, slip = 0.5 * (n[f - 1] + n[f]), y[m * (f - 1) + 2]
+        else:
+            fraction = n[0] if np.isnan(d.n_wall) else n_wall  # as the slip equation takes it: p_n is of second order then
+            slip = mixture / max(1.0 - fraction, SMALLEST_FRACTION)
+        n_m, m_m = law.necrotic_velocity(mixture, fraction, slip), law.macrophage_velocity(mixture, fraction, slip)
+        if f == 0:
+            n_m = 0.0
+        if f < N:
+            i, mean = f, 0.5 * (r_m + r_p)
+            fields[3, i], fields[4, i] = 0.5 * (n_m + n_p), 0.5 * (m_m + m_p)
+            e_n, e_m = mean * N / W * (n_p - n_m), mean * N / W * (m_p - m_m)
+            stress = law.extra_stress(fields[2, i], d.A, d.B, d.k)
+            if d.annulus:
+                hoop_n, hoop_m = 0.5 * (n_m + n_p) / mean, 0.5 * (m_m + m_p) / mean
+                c = 1.0 - n[i]
+                step = 2.0 * (d.mu_n * n[i] * (e_n - hoop_n) + d.mu_m * c * (e_m - hoop_m)) * W / (N * mean * mean)
+                p_n = law.pressure(outer - 0.5 * step, n[i], stress, e_n, e_m, nu_n, nu_m)
+                fields[5, i] = p_n + d.lambda_n * n[i] * hoop_n + d.lambda_m * c * hoop_m
+                outer -= step
+            else:
+                fields[5, i] = law.pressure(outer, n[i], stress, e_n, e_m, nu_n, nu_m)
+        n_p, m_p, r_p = n_m, m_m, r_m
 
-    def start(self, initial: PlaqueInitial) -> tuple[Array, Array, float]:
-        """Initial averages of n and l over the cells, and the initial W, to which the balances refer from now on."""
-        n, l = (cell_averages(f, self.grid, self.geometry, initial.L) for f in (initial.n, initial.l))
-        W = self.geometry.size(initial.L)
-        self.totals = self._totals(n, l, W)
-        return n, l, W
 
-    def _totals(self, n: Array, l: Array, W: float) -> Array:
-        n_total, l_total = W * float(np.mean(n)), W * float(np.mean(l))
-        return np.array([n_total, W - n_total, l_total, W])
-
-    def snapshot(self, t: float, n: Array, l: Array, w: Array, W: float, gains: Array, extra: dict[str, Array]) -> Snapshot:
-        """Fields at the cell centres and the scalars of the contract.
-
-        Parameters
-        ----------
-        t : float
-        n, l : (N,) array
-        w : (N - 1,) array
-            Slip on the interior faces.
-        W : float
-        gains : (4,) array
-            Integrals over time of the sources: n's, l's losses, the influx of modLDL, and dW/dt.
-        extra : dict of str to (N,) array
-            Further fields.
-        """
-        p, geometry, grid = self.parameters, self.geometry, self.grid
-        h, R_1 = grid.spacing, geometry.inner_radius
-        l_wall = self.wall(t, float(l[0]), W)
-        V = R_1 * eq.growth_rate(l_wall, p.Psi_m)
-        n_inner = float(n[0] - (n[1] - n[0]) / 6.0) if isinstance(p.inner_wall, str) else float(p.inner_wall)
-        face_n = np.empty(grid.cells + 1)
-        face_n[0], face_n[1:-1], face_n[-1] = n_inner, 0.5 * (n[:-1] + n[1:]), n[-1] + 0.5 * (n[-1] - n[-2])
-        radius = R_1 + geometry.position(grid.faces, W) if geometry.annulus else np.ones(grid.cells + 1)
-        mixture = V / radius
-        slip = np.empty(grid.cells + 1)
-        slip[0], slip[1:-1], slip[-1] = mixture[0] / max(1.0 - n_inner, SMALLEST_FRACTION), w, 0.0
-        u_n, u_m = eq.necrotic_velocity(mixture, face_n, slip), eq.macrophage_velocity(mixture, face_n, slip)
-        u_n[0] = 0.0
-        c = 1.0 - n
-        fields = {"n": n, "c": c, "l": l, "u_n": grid.to_centres(u_n), "u_m": grid.to_centres(u_m)}
-        fields["p_n"] = self._pressure(n, eq.extra_stress(l, p.A, p.B, p.k), u_n, u_m, radius, h * W)
-        L = float(geometry.width(W))
-        scalars = {"L": L, "L_rate": V / float(radius[-1]), "l_wall": l_wall, "n_wall": n_inner} | self._balances(n, l, W, gains)
-        return Snapshot(t, scalars, fields | extra, np.asarray(geometry.position(grid.centres, W)))
-
-    def _pressure(self, n: Array, stress: Array, u_n: Array, u_m: Array, radius: Array, area: float) -> Array:
-        """p_n in the cells, from the sum of the momentum balances integrated from the outer wall."""
-        p, c = self.parameters, 1.0 - n
-        mean = 0.5 * (radius[:-1] + radius[1:])
-        radial = mean / area
-        e_n, e_m = radial * np.diff(u_n), radial * np.diff(u_m)
-        if not self.geometry.annulus:
-            return eq.pressure(p.p_out, n, stress, e_n, e_m, p.nu_n, p.nu_m)
-        hoop_n, hoop_m = 0.5 * (u_n[:-1] + u_n[1:]) / mean, 0.5 * (u_m[:-1] + u_m[1:]) / mean
-        step = 2.0 * (p.mu_n * n * (e_n - hoop_n) + p.mu_m * c * (e_m - hoop_m)) * area / mean**2
-        outer = p.p_out - (np.cumsum(step[::-1])[::-1] - 0.5 * step)
-        return eq.pressure(outer, n, stress, e_n, e_m, p.nu_n, p.nu_m) + p.lambda_n * n * hoop_n + p.lambda_m * c * hoop_m
-
-    def _balances(self, n: Array, l: Array, W: float, gains: Array) -> dict[str, float]:
-        """Amounts per unit length of endothelium, and defects relative to the larger of the amount and what came in."""
-        totals = self._totals(n, l, W)
-        n_gain, l_loss, influx, growth = (float(g) for g in gains)
-        R_1 = self.geometry.inner_radius
-        values = {name: float(total) / R_1 for name, total in zip(("n_total", "c_total", "l_total"), totals[:3], strict=True)}
-        expected = (n_gain, growth - n_gain, influx - l_loss, growth)
-        through = (abs(n_gain), abs(growth + n_gain), abs(influx + l_loss), abs(growth))
-        for i, name in enumerate(("n", "c", "l", "L")):
-            total = float(totals[i])
-            scale = max(abs(total), through[i])
-            values[f"defect_{name}"] = (total - float(self.totals[i]) - expected[i]) / scale if scale > 0.0 else 0.0
-        return values
+@njit(error_model="numpy")
+def between(d: fv.Data, t: float, times: Any, past: Any, start: Any, fields: Any, scalars: Any) -> None:
+    """`observe` at `t` on the polynomial through the points (times, past), fractions brought back into [0, 1]."""
+    y = past[0].copy()
+    if t != times[0]:
+        _interpolate(times, past, t, y)
+    fv.bounded(d, y)
+    size = d.stride * d.cells
+    uptake, influx, growth = y[size + 2], y[size + 3], y[size + 4]
+    gains = np.array([d.k_m * uptake, d.k_l * uptake, influx, growth])
+    observe(d, t, y, start, gains, fields, scalars)

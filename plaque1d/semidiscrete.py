@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multiphase import banded, compiled, geometry, radau
+from multiphase import banded, compiled, geometry, radau, stepping
 from multiphase.geometry import MovingGrid
-from multiphase.stepping import Snapshot, StepFailure
+from multiphase.stepping import Snapshot
 from plaque1d import discretisation as fv
 from plaque1d import equations as eq
-from plaque1d.observation import Observer
+from plaque1d import laws, observation
 from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
 
 Array = NDArray[np.float64]
@@ -33,13 +33,13 @@ _BOUNDS = {
 @cache
 def mark() -> str:
     """Fingerprint of all that is compiled for the plaque."""
-    return compiled.fingerprint(*(module.__file__ for module in (fv, radau, banded, eq, geometry)))
+    return compiled.fingerprint(*(module.__file__ for module in (fv, observation, laws, radau, banded, stepping, eq, geometry)))
 
 
 @cache
 def entry(name: str) -> Any:
-    """A function of `plaque1d.discretisation`, compiled to be called from Python and kept on disk."""
-    return compiled.compiled(getattr(fv, name), keep=mark())
+    """A function of `plaque1d.discretisation` or `plaque1d.observation`, compiled to be called from Python and kept on disk."""
+    return compiled.compiled(getattr(observation if hasattr(observation, name) else fv, name), keep=mark())
 
 
 class SemiDiscrete:
@@ -91,7 +91,7 @@ class SemiDiscrete:
         self.mass[self.size + 1] = 0.0
         model = np.zeros((fv.WORK_ROWS, cells + 1))
         self.work = radau.workspace(self.size, 2 * self.stride, fv.BORDER, fv.INTEGRALS, model)
-        self._observer = Observer(parameters, geometry, self.grid)
+        self._totals = np.zeros(4)
         self._start = self._initial()
 
     @property
@@ -117,6 +117,8 @@ class SemiDiscrete:
     def data(self, t: float) -> fv.Data:
         """Constants of the stretch between two breaks of Psi_l(t) that begins at or contains `t`."""
         series = self.parameters.Psi_l
+        if not series.breaks and self._segments:
+            return self._segments[-np.inf]
         first = max((b for b in series.breaks if b <= t), default=-np.inf)
         if first not in self._segments:
             last = min((b for b in series.breaks if b > t), default=np.inf)
@@ -127,8 +129,16 @@ class SemiDiscrete:
             self._segments[first] = self._constants._replace(influx=float(value), influx_rate=float(rate), t_0=float(origin))
         return self._segments[first]
 
+    def data_until(self, t: float) -> fv.Data:
+        """`data` of the stretch that ends at `t`, or contains it."""
+        return self.data(float(np.nextafter(t, 0.0)))
+
     def _initial(self) -> Array:
-        n, l, W = self._observer.start(self.initial_values)
+        start, W = self.initial_values, self.geometry.size(self.initial_values.L)
+        n, l = (observation.cell_averages(f, self.grid, self.geometry, start.L) for f in (start.n, start.l))
+        n, l = np.clip(n, 0.0, 1.0), np.maximum(l, 0.0)  # the quadrature leaves rounding
+        n_total = W * float(np.mean(n))
+        self._totals = np.array([n_total, W - n_total, W * float(np.mean(l)), W])
         y = np.zeros(self.size + fv.BORDER + fv.INTEGRALS)
         y[self.n], y[self.l], y[self.size] = W * n, W * l, W
         return self.consistent(0.0, y)
@@ -140,9 +150,7 @@ class SemiDiscrete:
     def consistent(self, t: float, u: Array) -> Array:
         """`u` with V from the wall balance and w from the slip equation just after time `t`."""
         y = u.copy()
-        work = self.work
-        if not entry("settle")(self.data(t), t, y, work.jac, work.band, work.pivots, work.model):
-            raise StepFailure("the slip equation is singular")
+        entry("settle")(self.data(t), t, y, self.work)
         return y
 
     def error_norm(self, error: Array, u: Array) -> float:
@@ -165,14 +173,18 @@ class SemiDiscrete:
 
     def observe(self, t: float, u: Array) -> Snapshot:
         """Fields at cell centres and scalars of the contract at time `t`."""
-        if np.min(u[self.n]) < 0.0 or np.max(u[self.n]) > u[self.size]:  # between two steps
-            u = u.copy()
-            entry("admit")(self._constants, u, self.work.model)
         return self.snapshot(t, u, {}, (0.0, 0.0))
 
     def snapshot(self, t: float, u: Array, extra: dict[str, Array], added: tuple[float, float]) -> Snapshot:
         """`observe` with further fields, and integrals of further sources of n and l."""
-        W, p = float(u[self.size]), self.parameters
+        p, N = self.parameters, self.grid.cells
         uptake, influx, growth = u[self.size + fv.BORDER :]
         gains = np.array([p.k_m * uptake + added[0], p.k_l * uptake - added[1], influx, growth])
-        return self._observer.snapshot(t, u[self.n] / W, u[self.l] / W, u[self.w], W, gains, extra)
+        fields, scalars = np.empty((len(observation.FIELDS) + 1, N)), np.empty(len(observation.SCALARS))
+        entry("observe")(self.data_until(t), t, u, self._totals, gains, fields, scalars)
+        return self.named(t, fields, scalars, extra)
+
+    def named(self, t: float, fields: Array, scalars: Array, extra: dict[str, Array]) -> Snapshot:
+        """A snapshot of the rows that `plaque1d.observation` fills."""
+        values = dict(zip(observation.FIELDS, fields, strict=False)) | extra
+        return Snapshot(t, dict(zip(observation.SCALARS, scalars.tolist(), strict=True)), values, fields[-1])

@@ -25,7 +25,9 @@ def _in_a_folder_of_its_own(tmp_path, monkeypatch):
 
 def test_every_example_is_short_and_tested():
     found = {path.stem: len(path.read_text(encoding="utf-8").splitlines()) for path in EXAMPLES.glob("*.py")}
-    assert set(found) == {"first_plaque", "drag_or_interfacial", "hdl_removes_modldl", "mouse_and_human", "stability_of_the_plaque"}
+    assert set(found) == {
+        "first_plaque", "drag_or_interfacial", "hdl_removes_modldl", "mouse_and_human", "stability_of_the_plaque", "plaque_in_a_vessel",
+    }  # fmt: skip
     assert found["first_plaque"] <= 30
     assert max(found.values()) <= 120
 
@@ -78,3 +80,18 @@ def test_stability_of_the_plaque(capsys):
     assert "most dangerous wavelength 2.587," in said
     assert f"{0.4 * sigma:.4g}" in said
     assert Path("stability_of_the_plaque.png").stat().st_size > 10_000
+
+
+def test_plaque_in_a_vessel(capsys):
+    results = _load("plaque_in_a_vessel").main(cells=40, t_end=4.0)
+    said = capsys.readouterr().out
+    assert results[None]["L"][-1] == pytest.approx(1.4967, abs=0.01)  # as in test_first_plaque
+    widths = {radius: float(result["L"][-1]) for radius, result in results.items()}
+    assert widths[None] > widths[20.0] > widths[5.0] > widths[1.0] > 1.1
+    # W = L (R + L/2), so W' = R Psi_m l(R) gives L' = Psi_m l(R) R / (R + L): half of the slab's for R = L = 1, were l(R) the same
+    assert 0.4 < (widths[1.0] - 1.0) / (widths[None] - 1.0) < 0.6
+    for radius in (20.0, 5.0, 1.0):
+        # cells of equal area: their mean is the mean over the wall
+        assert f"lumen {radius:4g}, outer wall {radius + widths[radius]:6.3f}  L = {widths[radius]:.3f}, " in said
+        assert f"L = {widths[radius]:.3f}, {results[radius]['n'][-1].mean():.1%} necrotic" in said
+    assert Path("plaque_in_a_vessel.png").stat().st_size > 10_000

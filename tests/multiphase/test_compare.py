@@ -239,3 +239,11 @@ def test_table() -> None:
     assert row.split() == ["n", "2.500e-01", "1.333e-01", "3.125e-02", "0.5", "0.3125"]
     assert lines[-1].startswith("worst: n, 1.333e-01")
     assert max(map(len, lines)) <= 90
+
+
+def test_the_cost_of_both_is_told_where_it_is_known() -> None:
+    stats = {"steps": 7, "rejected_error": 1, "rejected_solver": 2, "iterations": 20, "wall_s": 0.0123, "solver": "lines"}
+    found = compare(replace(sample(), stats=stats), replace(sample(), stats={}))
+    assert "A: 7 steps (3 rejected), 20 iterations, 0.012 s with lines on 1 thread" in found.table()
+    assert "B:" not in found.table()
+    assert "7 steps" in found.to_json()

@@ -35,6 +35,7 @@ concentration = { value = 3.0, unit = "plasma LDL" }
 pressure = { value = 50.0, unit = "kPa" }
 """
 N_PANEL = "Necrotic fraction"
+RING_PANEL = "Cross-section of the vessel"
 MAP_PANEL = "Necrotic fraction on the growing intima"
 L_PANEL = "Width of the intima and its growth rate"
 
@@ -158,7 +159,7 @@ def test_labels_with_units(scaled: Figure) -> None:
 
 
 def test_panels_and_titles(plain: Figure) -> None:
-    assert titles(plain) == [item.title for item in find_model("plaque").panels]
+    assert titles(plain) == [item.title for item in find_model("plaque").panels if item.kind != "ring"]
     assert plain.get_suptitle() == TITLE
     assert figure(sample(scene="")).get_suptitle() == "Early atherosclerotic plaque"
     assert plain.get_figwidth() == 7.0
@@ -265,11 +266,204 @@ def test_long_title_is_wrapped_into_the_picture() -> None:
         assert box.y1 <= picture.bbox.y1
 
 
+# Cross-sections of a round body
+
+VESSEL = PLAIN + '[geometry]\nkind = "annulus"\nlumen_radius = 3.0\n'
+
+
+def rings(picture: Figure) -> list[Axes]:
+    """The cross-sections: they alone have an equal aspect and an image."""
+    return [axes for axes in picture.get_axes() if axes.get_aspect() == 1.0 and axes.images]
+
+
+def radii(outline: Any) -> list[float]:
+    """Radii of the circles in the outline of a ring, largest first."""
+    ends = [part.get_extents() for part in outline.get_path()._iter_connected_components()]
+    assert all(end.x0 == pytest.approx(-end.x1) and end.y0 == pytest.approx(-end.y1) and end.x1 == pytest.approx(end.y1) for end in ends)
+    return [float(end.x1) for end in ends]
+
+
+def along_a_radius(image: Any) -> tuple[np.ndarray, np.ma.MaskedArray]:
+    """Distances from the centre and values of the pixels to the right of it."""
+    values = image.get_array()
+    side, reach = values.shape[0], image.get_extent()[1]
+    return (np.arange(side // 2) + 0.5) / side * 2.0 * reach, values[side // 2, side // 2 :]
+
+
+def disk(**changes: Any) -> plotting.View:
+    """A view of a round body without a hollow, of a model that is not installed."""
+    view = view_of(sample(**changes))
+    return replace(view, inner=0.0)
+
+
+@pytest.mark.parametrize(("scales", "length", "times"), [("", 1.0, "{}"), (SCALES, 100.0, "{} week")])
+def test_rings_have_the_radii_of_the_vessel(scales: str, length: float, times: str) -> None:
+    result = sample(scene=VESSEL + scales)
+    picture = figure(result)
+    found = rings(picture)
+    rows = [0, 13, 27, 40]  # stored times next to 0, 8/3, 16/3 and 8
+    assert len(found) == 4
+    bounds = {(axes.get_position().width.round(6), axes.get_xlim(), axes.get_ylim()) for axes in found}
+    assert len(bounds) == 1  # one scale
+    assert found[0].get_xlim() == pytest.approx((-1.05 * 8.0 * length, 1.05 * 8.0 * length))
+    assert found[0].get_ylim() == found[0].get_xlim()
+    factor = 2.0 if scales else 1.0
+    for axes, row in zip(found, rows, strict=True):
+        (outline,) = axes.patches
+        assert radii(outline) == pytest.approx([(3.0 + result["L"][row]) * length, 3.0 * length], rel=1e-4)  # circles of Bezier curves
+        assert axes.get_xlabel() == "t = " + times.format(f"{result.t[row] * factor:.1f}")
+
+
+def test_rings_are_coloured_by_the_distance_from_the_endothelium() -> None:
+    result = sample(scene=VESSEL)
+    last = rings(figure(result))[-1]
+    (image,) = last.images
+    r, values = along_a_radius(image)
+    wall = (r > 3.0) & (r < 8.0)
+    cell = np.floor((r[wall] - 3.0) / 5.0 * 12)
+    inside = np.abs((r[wall] - 3.0) / 5.0 * 12 - np.rint((r[wall] - 3.0) / 5.0 * 12)) > 0.05  # not next to a face
+    np.testing.assert_allclose(values[wall][inside], result["n"][-1][cell.astype(int)][inside])
+    assert image.get_clim() == pytest.approx((0.2, 0.2 + 0.6 * 11.5 / 12))  # of all stored times, as in the map
+    np.testing.assert_allclose(values, image.get_array()[300:, 300])  # the same all round
+
+
+def test_a_ring_is_cut_to_its_outline() -> None:
+    """Pixels within the lumen and beyond the outer wall stay white; the wall is coloured."""
+    picture = Figure(figsize=(4.0, 4.0), dpi=100)
+    axes = picture.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    view = view_of(sample(scene=VESSEL))
+    ring = plotting.Ring(view, "n", axes)
+    ring.show(view.edges[20], view.values["n"][20])  # from 3 to 6 of 8.4
+    buffer = io.BytesIO()
+    picture.savefig(buffer, format="png", dpi=100)
+    row = np.asarray(Image.open(buffer).convert("RGB"))[200].astype(int)
+    r = np.abs((np.arange(400) + 0.5) / 200.0 - 1.0) * 8.4
+    coloured = np.ptp(row, axis=1) > 40
+    assert coloured[(r > 3.1) & (r < 5.9)].all()
+    assert (row[(r < 2.9) | (r > 6.1)] == 255).all()
+
+
+def test_rings_are_labelled() -> None:
+    picture = figure(sample(scene=VESSEL + SCALES))
+    assert RING_PANEL in titles(picture)
+    first, *others = rings(picture)
+    assert first.get_title(loc="left") == RING_PANEL
+    assert first.get_ylabel() == "distance from\nthe centre [µm]"
+    assert rings(figure(sample(scene=VESSEL)))[0].get_ylabel() == "distance from\nthe centre"
+    assert [text.get_text() for text in first.texts] == ["lumen"]
+    assert first.texts[0].get_position() == (0.0, 0.0)
+    picture.draw_without_rendering()
+    ticks = [text.get_text() for text in first.get_yticklabels()]
+    assert "0" in ticks
+    assert not any("-" in text or "\u2212" in text for text in ticks)
+    assert all(not axes.get_ylabel() and not axes.texts for axes in others)
+    assert [axes.get_ylabel() for axes in picture.get_axes()].count("$n$ necrotic fraction") == 3  # map, rings, profile
+
+
+def test_name_of_a_narrow_lumen_stands_beside_it() -> None:
+    first = rings(figure(sample(scene=VESSEL.replace("3.0", "0.5"))))[0]
+    (text,) = first.texts
+    assert text.get_text() == "lumen"
+    assert text.get_position() == (0.04, 1.0)
+    assert text.xy == (0.0, 0.0)
+
+
+def test_no_rings_in_a_slab_or_without_the_field(plain: Figure) -> None:
+    assert rings(plain) == []
+    assert RING_PANEL not in titles(plain)
+    assert plain.get_figheight() == pytest.approx(0.9 + 3 * 2.35)
+    assert rings(figure(without(sample(scene=VESSEL), "n"))) == []
+    assert rings(figure(sample(scene=PLAIN + '[geometry]\nkind = "slab"\n'))) == []
+
+
+def test_rings_of_one_and_two_times() -> None:
+    for times, texts in (([3.0], ["t = 3"]), ([0.0, 8.0], ["t = 0", "t = 8"])):
+        picture = figure(sample(times, scene=VESSEL))
+        assert [axes.get_xlabel() for axes in rings(picture)] == texts
+        render(picture)
+        lefts = [axes.get_position().x0 for axes in rings(picture)]
+        assert lefts[0] < 0.15  # from the left, as large as four would be
+        assert rings(picture)[0].get_position().width < 0.25
+
+
+def test_rings_show_what_is_not_a_number_in_grey() -> None:
+    result = sample(scene=VESSEL)
+    result.fields["n"][40, 6:] = np.nan
+    (image,) = rings(figure(result))[-1].images
+    r, values = along_a_radius(image)
+    np.testing.assert_array_equal(np.ma.getmaskarray(values)[np.abs(r - 5.5) > 0.05], (r > 5.5)[np.abs(r - 5.5) > 0.05])
+
+
+def test_a_disk_has_one_outline_and_no_hollow() -> None:
+    view = disk()
+    axes = Figure().add_subplot()
+    ring = plotting.Ring(view, "n", axes)
+    ring.show(view.edges[-1], view.values["n"][-1])
+    ring.name_hollow("lumen", 10.0)
+    assert radii(ring.outline) == pytest.approx([5.0], rel=1e-4)
+    assert axes.get_xlim() == pytest.approx((-5.25, 5.25))
+    assert len(axes.texts) == 0
+
+
+def test_rows_of_the_figure() -> None:
+    a, b, c = (Panel("profile", ("n",), title) for title in "ABC")
+    ring = Panel("ring", ("n",), "R")
+    assert plotting._layout([a, ring, b, c]) == [[a, b], [ring], [c]]
+    assert plotting._layout([a, b, ring, c]) == [[a, b], [ring], [c]]
+    assert plotting._layout([ring]) == [[ring]]
+
+
+@pytest.mark.parametrize(("scales", "length"), [("", 1.0), (SCALES, 100.0)])
+def test_film_of_a_vessel(scales: str, length: float) -> None:
+    result = sample(scene=VESSEL + scales)
+    film = film_of(result)
+    assert film.ring is not None
+    axes = film.ring.image.axes
+    for frame in (40, 20, 0):
+        film.show(frame)
+        assert radii(film.ring.outline) == pytest.approx([(3.0 + result["L"][frame]) * length, 3.0 * length], rel=1e-4)
+        r, values = along_a_radius(film.ring.image)
+        middle = (3.0 + result["x"][frame]) * length
+        np.testing.assert_allclose(values[np.searchsorted(r, middle)], result["n"][frame])
+        assert axes.get_xlim() == axes.get_ylim() == pytest.approx((-8.4 * length, 8.4 * length))
+    assert film.ring.image.get_clim() == film.band.get_clim()
+    assert axes.get_ylabel() == "distance from\nthe centre" + (" [µm]" if scales else "")
+    assert [text.get_text() for text in axes.texts] == ["lumen"]
+    assert axes.get_position().x1 < film.band_axes.get_position().x0
+
+
+def test_film_of_a_slab_has_no_ring() -> None:
+    film = film_of(sample())
+    assert film.ring is None
+    assert rings(film.figure) == []
+    assert film.figure.get_figwidth() == 7.0
+
+
+def test_gif_of_a_vessel_grows(tmp_path: Path) -> None:
+    result = sample(scene=VESSEL)
+    animate(result, tmp_path / "a.gif")
+    film = film_of(result)
+    assert film.ring is not None
+    box = film.ring.image.axes.get_position()
+    shares = []
+    with Image.open(tmp_path / "a.gif") as image:
+        assert image.n_frames == 41
+        for frame in (0, 40):
+            image.seek(frame)
+            pixels = np.asarray(image.convert("RGB")).astype(int)
+            height, width = pixels.shape[:2]
+            part = pixels[round((1 - box.y1) * height) : round((1 - box.y0) * height), round(box.x0 * width) : round(box.x1 * width)]
+            shares.append(np.mean(np.ptp(part, axis=2) > 40))
+    areas = [np.pi * ((3.0 + L) ** 2 - 9.0) / 16.8**2 for L in (1.0, 5.0)]
+    assert shares == pytest.approx(areas, rel=0.12)  # less the outlines
+
+
 # Panels that cannot be drawn
 
 
 def test_panel_without_its_field_is_left_out() -> None:
-    everything = [item.title for item in find_model("plaque").panels]
+    everything = [item.title for item in find_model("plaque").panels if item.kind != "ring"]
     assert titles(figure(without(sample(), "l"))) == [title for title in everything if title != "Modified LDL"]
     assert "Velocities of the phases" not in titles(figure(without(sample(), "u_m")))
     only_scalars = figure(sample(fields={}))
@@ -297,7 +491,8 @@ def test_given_panels() -> None:
     ("given", "words"),
     [
         (Panel("profile", ("u_x",), "A"), r"panels: the result holds no 'u_x'.*It holds "),
-        (Panel("profiles", ("n",), "A"), r"panels: there is no panel kind 'profiles'.*Kinds: scalar, profile, spacetime"),
+        (Panel("profiles", ("n",), "A"), r"panels: there is no panel kind 'profiles'.*Kinds: scalar, profile, spacetime, ring"),
+        (Panel("ring", ("n",), "A"), r"panels: the domain of this result is flat, so it has no rings"),
         (Panel("scalar", ("n",), "A"), r"nothing that its panels show \(n\)"),
         (Panel("profile", ("n", "l", "p_n"), "A"), r"one panel can show two units, but n, l, p_n have 3"),
     ],

@@ -12,7 +12,11 @@ from plaque1d.semidiscrete import entry
 N0, L0_LDL, WIDTH = 0.3, 0.6, 2.0
 BASE = {"Psi_l": 0.0, "Psi_m": 0.0, "A": 1.0, "B": 0.8, "k": 2.0, "b": 4.0}
 FORMS = {"interfacial": {"momentum": "interfacial"}, "drag": {"momentum": "drag", "p_out": 0.05}}
-VISCOSITIES = {"equal": {"mu_n": 0.1, "mu_m": 0.1}, "unequal": {"mu_n": 0.02, "mu_m": 0.3}}
+VISCOSITIES = {
+    "equal": {"mu_n": 0.1, "mu_m": 0.1},
+    "unequal": {"mu_n": 0.02, "mu_m": 0.3},
+    "unequal, bulk": {"mu_n": 0.02, "lambda_n": 0.1, "mu_m": 0.3, "lambda_m": -0.2},
+}
 
 
 def _matrix(scheme, mode, cells):
@@ -42,23 +46,43 @@ def _theory(parameters, mode):
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("viscosity", VISCOSITIES)
-def test_matrix_of_growth_rates(make_scheme, form, viscosity):
+def test_matrix_of_growth_rates(make_lines, form, viscosity):
+    """The third mode: 67 of 200 cells to half a wave, (q h)^2 = 2e-3 of which a twelfth is the usual error. In the second, transport
+    and uptake happen to cancel in the drag form."""
     errors = []
     for cells in (50, 100, 200):
-        scheme = make_scheme(cells, n=N0, l=L0_LDL, L=WIDTH, k_l=1.5, k_m=0.7, **BASE, **FORMS[form], **VISCOSITIES[viscosity])
+        scheme = make_lines(cells, n=N0, l=L0_LDL, L=WIDTH, k_l=1.5, k_m=0.7, **BASE, **FORMS[form], **VISCOSITIES[viscosity])
         exact = _theory(scheme.parameters, 3)
         errors.append(np.abs(_matrix(scheme, 3, cells) - exact) / np.abs(exact))
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    assert np.all(errors[-1] < 5e-3)
     transport = np.array([[True, True], [False, True]])  # k_l l c has no derivative, so no error falls there: it is rounding
+    assert np.all(errors[-1] < 5e-4)  # what is asked: 0.05 per cent
     assert np.all(orders[:, transport] > 1.9)
-    assert errors[-1][1, 0] < 1e-7  # rounding of a difference over 1e-6
+    assert errors[-1][1, 0] < 1e-8  # rounding of a difference over 1e-6
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("viscosity", VISCOSITIES)
+def test_a_long_run_of_a_mode_keeps_its_rate(make_lines, form, viscosity):
+    """Radau up to t = 10, in which the second mode falls to 0.02 or grows to 70 times its size; without reactions its rate is constant."""
+    t_end, amplitude, mode = 10.0, 1e-5, 2  # grown, 7e-4, it is still linear to its square
+    n = f"{N0} + {amplitude}*cos({mode}*pi*xi)"
+    errors = []
+    for cells in (50, 100, 200):  # rtol is 1e-6 of the amplitude, and of the decayed one 5e-5, which divided by the exponent 4 is 1e-5
+        scheme = make_lines(cells, 1e-11, n=n, l=L0_LDL, L=WIDTH, k_l=0.0, k_m=0.0, **BASE, **FORMS[form], **VISCOSITIES[viscosity])
+        rate, control = _theory(scheme.parameters, mode)[0, 0], Control()
+        state = integrate(scheme, start(scheme, 0.0, t_end, control), [0.0, t_end], control)
+        cosine = np.cos(mode * np.pi * scheme.grid.centres)
+        first, last = (2.0 * np.mean(u[scheme.n] / WIDTH * cosine) for u in (scheme.initial(), state.u[0]))
+        errors.append(abs(np.log(last / first) / (rate * t_end) - 1.0))
+    assert errors[-1] < 5e-4
+    assert np.all(np.log2(np.array(errors[:-1]) / np.array(errors[1:])) > 1.9)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("viscosity", ["equal", "unequal"])
 def test_a_simulated_mode_grows_or_decays_as_it_should(make_scheme, form, viscosity):
-    """Without reactions a uniform state stands still, so the whole time course is known."""
+    """FiPy with fixed steps. Without reactions a uniform state stands still, so the whole time course is known."""
     t_end, amplitude, mode = 2.0, 1e-4, 2
     n = f"{N0} + {amplitude}*cos({mode}*pi*xi)"
     errors = []

@@ -225,7 +225,7 @@ def test_balances_close_to_rounding_whatever_the_tolerance(make_lines, shape, fo
 def test_a_sharp_influx_is_met_at_its_jumps(make_lines):
     """Steps end at kinks and jumps: the same run in three pieces ends on the same values."""
     pulse = {"times": [0.3, 0.3, 0.5, 0.5], "values": [1.0, 4.0, 4.0, 0.2]}
-    u, state = _final(make_lines(20, 1e-6, Psi_l=pulse), 0.8)
+    u, _ = _final(make_lines(20, 1e-6, Psi_l=pulse), 0.8)
     finer, _ = _final(make_lines(20, 1e-9, Psi_l=pulse), 0.8)
     assert np.abs(u - finer)[:60:3].max() < 1e-5
 

@@ -215,7 +215,13 @@ def test_solver() -> None:
 
 @pytest.mark.parametrize(
     ("name", "preset", "end"),
-    [("plaque", "demo", 40.0), ("plaque-mouse", "mouse", 1.7e4), ("plaque-human", "human", 3.4e5), ("plaque-drag", "demo", 40.0)],
+    [
+        ("plaque", "demo", 40.0),
+        ("plaque-mouse", "mouse", 1.7e4),
+        ("plaque-human", "human", 3.4e5),
+        ("plaque-drag", "demo", 40.0),
+        ("plaque-annulus", "demo", 40.0),
+    ],
 )
 def test_shipped_scene_files(name: str, preset: str, end: float) -> None:
     tables = tomllib.loads((files("plaque1d.scenes") / f"{name}.toml").read_text(encoding="utf-8"))
@@ -228,6 +234,8 @@ def test_shipped_scene_files(name: str, preset: str, end: float) -> None:
     check(parameters, PlaqueInitial(**{**PRESETS[preset].initial, **tables.get("initial", {})}))
     assert (parameters.momentum == "drag") == (name == "plaque-drag")
     assert parameters.p_out == (2 * parameters.A if name == "plaque-drag" else 0.0)
+    geometry = PlaqueGeometry(**tables.get("geometry", {}))
+    assert geometry == (PlaqueGeometry(kind="annulus", lumen_radius=5.0) if name == "plaque-annulus" else PlaqueGeometry())
 
 
 def test_commented_values_of_the_demo_scene_are_the_presets() -> None:
