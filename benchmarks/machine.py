@@ -20,7 +20,7 @@ def processor() -> str:
 
 def heading(threads: int = 1) -> str:
     """Machine, versions and threads as a Markdown paragraph."""
-    names = ("multiphase-tissue", "numpy", "scipy", "fipy", "h5py")
+    names = ("multiphase-tissue", "numpy", "scipy", "numba", "fipy", "h5py")
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in names)
     return (
         f"{processor()}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}; Python {platform.python_version()}, {versions}; "

@@ -13,7 +13,7 @@ from machine import heading
 from multiphase.run import run
 from multiphase.scene import load_scene
 
-SCENES = ("plaque", "plaque-mouse", "plaque-human", "plaque-drag")
+SCENES = ("plaque", "plaque-mouse", "plaque-human", "plaque-drag", "plaque-annulus")
 SCALARS = ("L", "L_rate", "l_wall", "n_wall", "n_total", "c_total", "l_total")
 
 
