@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix, diags
+from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from multiphase.errors import ParameterError
@@ -29,7 +29,7 @@ from multiphase.stepping import Snapshot, Solved, StepFailure
 from plaque1d import discretisation as fv
 from plaque1d import equations as eq
 from plaque1d.extensions import Extension, ExtraTerms
-from plaque1d.fipy_terms import Layout, NecroticTransport, import_fipy, scattered, without_rounding
+from plaque1d.fipy_terms import Layout, NecroticTransport, Scatter, import_fipy, without_rounding
 from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
 from plaque1d.semidiscrete import SemiDiscrete, entry
 
@@ -77,6 +77,7 @@ class FipyScheme(SemiDiscrete):
         super().__init__(parameters, initial, geometry, cells, rtol)
         self._build(import_fipy(), extra_terms)
         self.layout = Layout(cells, len(self.extension.species))
+        self._scatter = Scatter(cells)
         self._species_scales = self.extension.scales(initial.L)
         self._faces = np.zeros((4, cells + 1))
         self._slip_row = np.ones(cells - 1)
@@ -205,20 +206,11 @@ class FipyScheme(SemiDiscrete):
     def tangent(self, t: float, alpha: float, past: Array, x: Array, *, fresh: bool = True) -> csc_matrix:
         """Tangent of `residual` at the iterate it was last called with; that of added terms by finite differences, and from the last
         call unless `fresh`."""
-        lay, h, w = self.layout, self.grid.spacing, self.work
-        rows = scattered(w.jac, w.columns, w.rows, w.corner, self.stride)
-        balance = np.zeros(lay.base)  # rows of the balances: h (alpha y - rates), or alpha W - V
-        scale = np.ones(lay.base)
-        balance[: lay.w.start], scale[: lay.w.start] = h * alpha, -h
+        lay, h = self.layout, self.grid.spacing
+        balance, scale = np.zeros(lay.base), np.ones(lay.base)
+        balance[: lay.w.start], scale[: lay.w.start] = h * alpha, -h  # rows of the balances: h (alpha y - rates)
         balance[lay.W], scale[lay.W] = alpha, -1.0
-        products = diags(balance) + diags(scale) @ rows
-        # from products to fractions: W n changes with n and with W
-        W = float(x[lay.W])
-        unit = np.ones(lay.base)
-        unit[: lay.w.start] = W
-        cells = np.arange(lay.w.start)
-        through = csc_matrix((x[: lay.w.start], (cells, np.full(len(cells), lay.W))), shape=(lay.base, lay.base))
-        matrix = csc_matrix(products @ (diags(unit) + through))
+        matrix = self._scatter.matrix(self.work, balance, scale, x)
         if fresh and self.extension.implicit:
             self.extension.differentiate(lambda y: self._load_fields(t, past, y), 1.0 / alpha, x, lay)
         if lay.species:

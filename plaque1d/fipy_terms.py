@@ -71,26 +71,66 @@ class Layout:
         return self.base + self.species * self.cells
 
 
-def scattered(jac: Array, columns: Array, rows: Array, corner: Array, stride: int) -> csc_matrix:
-    """The tangent of `plaque1d.discretisation`, three unknowns a cell, in the order of `Layout`."""
-    size, width = jac.shape
-    half, cells = (width - 1) // 2, size // stride
-    layout = Layout(cells)
-    kind = np.arange(size) % stride
-    place = np.choose(kind, [layout.n.start, layout.l.start, layout.w.start]) + np.arange(size) // stride
-    place[-1] = -1  # the slip at the outer wall is no unknown
-    row = np.repeat(np.arange(size), width)
-    column = row + np.tile(np.arange(width) - half, size)
-    value = jac.ravel()
-    keep = (column >= 0) & (column < size)
-    parts = [(place[row[keep]], place[column[keep]], value[keep])]
-    for index, border in enumerate((layout.W, layout.V)):
-        parts.append((place, np.full(size, border), columns[index]))
-        parts.append((np.full(size, border), place, rows[index]))
-        parts.append((np.full(2, border), np.array([layout.W, layout.V]), corner[index]))
-    r, c, v = (np.concatenate(part) for part in zip(*parts, strict=True))
-    inside = (r >= 0) & (c >= 0)
-    return csc_matrix((v[inside], (r[inside], c[inside])), shape=(layout.base, layout.base))
+class Scatter:
+    """Turns the tangent of `plaque1d.discretisation`, three unknowns a cell, into that of FiPy's residual in the order of `Layout`.
+
+    Parameters
+    ----------
+    cells : int
+    """
+
+    def __init__(self, cells: int) -> None:
+        self.layout = layout = Layout(cells)
+        size, half = 3 * cells, 6
+        width = 2 * half + 1
+        place = np.array([layout.n.start, layout.l.start, layout.w.start])[np.arange(size) % 3] + np.arange(size) // 3
+        column = np.repeat(np.arange(size), width) + np.tile(np.arange(width) - half, size)
+        self._inside = np.flatnonzero((column >= 0) & (column < size - 1) & (np.repeat(np.arange(size), width) < size - 1))
+        row = np.repeat(np.arange(size), width)[self._inside]
+        self._place = place[:-1]  # the slip at the outer wall is no unknown
+        self._row, self._column = place[row], place[column[self._inside]]
+        every, scalars = np.arange(layout.base), np.array([layout.W, layout.V])
+        rows = [self._row, self._place, self._place, np.full(size - 1, layout.W), np.full(size - 1, layout.V), np.repeat(scalars, 2)]
+        columns = [self._column, np.full(size - 1, layout.W), np.full(size - 1, layout.V), self._place, self._place, np.tile(scalars, 2)]
+        cells_n_l = every[: layout.w.start]
+        entries = np.concatenate([*columns, every, np.full(len(cells_n_l), layout.W)]) * layout.base
+        entries += np.concatenate([*rows, every, cells_n_l])
+        places, self._slot = np.unique(entries, return_inverse=True)
+        self._indices = places % layout.base
+        self._starts = np.searchsorted(places, np.arange(layout.base + 1) * layout.base)
+
+    def matrix(self, work: Any, balance: Array, scale: Array, x: Array) -> csc_matrix:
+        """Derivative of ``balance y + scale rates(y)`` with respect to (n, l, w, W, V), where y = (W n, W l, w, W, V).
+
+        Parameters
+        ----------
+        work : multiphase.radau.Work
+            Holds the tangent of the rates.
+        balance, scale : (3 N + 1,) array
+        x : array
+            The state, (n, l, w, W, V, ...).
+        """
+        layout = self.layout
+        products = layout.w.start
+        inner = np.zeros(layout.base)  # dy/dW through n and l
+        inner[:products] = x[:products]
+        unit = np.ones(layout.base)
+        unit[:products] = x[layout.W]
+        band = scale[self._row] * work.jac.ravel()[self._inside]
+        through = np.bincount(self._row, weights=band * inner[self._column], minlength=layout.base)
+        place = self._place
+        rows = work.rows[:, :-1]
+        corner = work.corner.copy()
+        corner[:, 0] += rows @ inner[place]
+        border = scale[[layout.W, layout.V]]
+        values = np.concatenate([
+            band * unit[self._column],
+            scale[place] * work.columns[0, :-1] + through[place], scale[place] * work.columns[1, :-1],
+            border[0] * rows[0] * unit[place], border[1] * rows[1] * unit[place], (border[:, None] * corner).ravel(),
+            balance * unit, (balance * inner)[:products],
+        ])  # fmt: skip
+        data = np.bincount(self._slot, weights=values)
+        return csc_matrix((data, self._indices, self._starts), shape=(layout.base, layout.base))
 
 
 class NecroticTransport:
