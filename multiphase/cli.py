@@ -101,6 +101,7 @@ def _run(options: argparse.Namespace) -> int:
     from multiphase.trackers import Progress
 
     scene = load_scene(options.scene, options.set)
+    logging.getLogger("multiphase.compile").setLevel(logging.WARNING if options.quiet else logging.INFO)
     if options.output == "":
         raise ParameterError("-o", "the name of the file is empty.")
     file = Path(options.output or scene.output.file or f"{scene.name}.h5")

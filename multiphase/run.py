@@ -109,9 +109,11 @@ def _execute(
     for warning in plan.warnings:
         logger.warning("%s", warning)
     before = float(result.stats.get("wall_s", 0.0))
-    started = time.perf_counter()
+    preparing = time.perf_counter()
     try:
         scheme = scene.model.scheme(scene, plan, **options)
+        if hasattr(scheme, "prepare"):
+            scheme.prepare()
         state, remaining = _starting_state(scene, scheme, result)
     except ArithmeticError as error:
         raise SolverError(
@@ -120,6 +122,8 @@ def _execute(
     recorder = Recorder(result, path, scene.output.fields)
     recorder.state = state
     _describe(result, scene, plan, scheme, threads)
+    started = time.perf_counter()  # imports and compilation, which only a first run pays, are not counted as its cost
+    result.stats = result.stats | {"setup_s": started - preparing}
     hooks = [recorder, Balances(), *scene.model.trackers(scene), *trackers]
     if progress:
         hooks.append(progress if isinstance(progress, Tracker) else Progress())

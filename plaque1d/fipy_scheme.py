@@ -82,6 +82,14 @@ class FipyScheme(SemiDiscrete):
         self._faces = np.zeros((4, cells + 1))
         self._slip_row = np.ones(cells - 1)
 
+    def prepare(self) -> None:
+        """Import, compile or load what a run needs: one residual and its tangent."""
+        super().prepare()
+        u = self.initial()
+        self.residual(0.0, 1.0, u, self.fractions(u))
+        self.error_norm(u, u)
+        entry("admit")(self._constants, u[: self._base].copy(), self.work.model)
+
     def initial(self) -> Array:
         """Initial vector, its algebraic part consistent."""
         return np.concatenate([super().initial(), self.extension.initial(self.initial_values.L), [0.0, 0.0]])

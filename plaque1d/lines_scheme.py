@@ -40,6 +40,13 @@ def _advance() -> Any:
 class LinesScheme(SemiDiscrete):
     """One implicit step for the common time loop; see `multiphase.stepping.Scheme`."""
 
+    def prepare(self) -> None:
+        """Compile, or load, what a run needs: an iteration that is not made."""
+        super().prepare()
+        y = self.initial()
+        entry("newton_step")(self.data(0.0), self.mass, 0.0, 1.0, y, y, 1.0, 0, self.work)
+        self.error_norm(y, y)
+
     def solve(self, t: float, alpha: float, past: Array, guess: Array) -> Solved:
         """Newton's method from the predicted vector; see `multiphase.stepping.Scheme`."""
         y = guess.copy()
@@ -55,6 +62,12 @@ class LinesScheme(SemiDiscrete):
 
 class RadauLines(LinesScheme):
     """The same discretisation with its own integrator, Radau IIA; see `multiphase.stepping.Integrator`."""
+
+    def prepare(self) -> None:
+        """Compile, or load, what a run needs: steps to where it begins."""
+        y = self.initial()
+        state = State(times=np.zeros(1), u=y[None, :], dt=1.0)
+        self.between(0.0, self.advance(state, 0.0, 0.0, Control()))
 
     def advance(self, state: State, stop: float, wanted: float, control: Control) -> State:
         """Take steps until `wanted` is reached or passed, but none beyond `stop`; it may return before."""

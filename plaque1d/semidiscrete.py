@@ -6,9 +6,11 @@ Every scheme of the plaque builds on it: the method of lines and FiPy solve the 
 
 from __future__ import annotations
 
+import logging
 from functools import cache
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +24,8 @@ from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
 
 Array = NDArray[np.float64]
 
+logger = logging.getLogger("multiphase.compile")
+
 _BOUNDS = {
     1: "n leaves [0, 1] by more than rtol",
     2: "l falls below 0 by more than rtol",
@@ -34,6 +38,13 @@ _BOUNDS = {
 def mark() -> str:
     """Fingerprint of all that is compiled for the plaque."""
     return compiled.fingerprint(*(module.__file__ for module in (fv, observation, laws, radau, banded, stepping, eq, geometry)))
+
+
+@cache
+def announce() -> None:
+    """Say once that code is being compiled, if it is not on disk."""
+    if not (compiled.cache_folder(numba.config.CACHE_DIR) / mark()).exists():  # type: ignore[attr-defined]
+        logger.info("compiling the solver for this machine; it takes half a minute, once")
 
 
 @cache
@@ -65,6 +76,7 @@ class SemiDiscrete:
         rtol: float,
         floor: float = fv.FLOOR,
     ) -> None:
+        announce()
         self.parameters, self.initial_values, self.geometry, self.rtol = parameters, initial, geometry, rtol
         self.grid = MovingGrid(cells)
         self.breaks: tuple[float, ...] = parameters.Psi_l.jumps
@@ -142,6 +154,10 @@ class SemiDiscrete:
         y = np.zeros(self.size + fv.BORDER + fv.INTEGRALS)
         y[self.n], y[self.l], y[self.size] = W * n, W * l, W
         return self.consistent(0.0, y)
+
+    def prepare(self) -> None:
+        """Compile, or load, what a run needs."""
+        self.observe(0.0, self.initial())
 
     def initial(self) -> Array:
         """Initial vector, its algebraic part consistent."""

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and RLIMIT_FSIZ
 
 END = 0.2
 SETTINGS = ["solver.method=fipy", "solver.cells=8", "solver.rtol=1e-3", "time.save_every=0.01"]
-LINES = ["solver.method=lines", "solver.cells=1000", "solver.rtol=1e-6", "time.save_every=0.002"]
+LINES = ["solver.method=lines", "solver.cells=3000", "solver.rtol=1e-8", "time.save_every=0.002"]
 ANNULUS = [*LINES, "geometry.kind=annulus", "geometry.lumen_radius=5.0"]
 COMPILED = {"slab": LINES, "annulus": ANNULUS, "annulus, drag": [*ANNULUS, "parameters.momentum=drag", "parameters.p_out=0.2"]}
 PATIENCE = 120.0
