@@ -51,7 +51,3 @@ class MovingGrid:
     def centres(self) -> Array:
         """Centres in xi, (cells,)."""
         return (np.arange(self.cells) + 0.5) / self.cells
-
-    def to_centres(self, at_faces: Array) -> Array:
-        """Face values averaged to cell centres, (cells,)."""
-        return 0.5 * (at_faces[:-1] + at_faces[1:])
