@@ -124,29 +124,12 @@ def workspace(size: int, half: int, border: int, integrals: int, model: Array) -
     )
 
 
-def rates(data: Any, t: float, y: Array, out: Array, work: Array) -> None:
-    """Stands for the model's."""
-    raise NotImplementedError
+def of_the_model(*arguments: Any) -> Any:
+    """In the place of a model's function, until `build` puts that there."""
+    raise TypeError("multiphase.radau works for a model only: take what build(rates, tangent, size_of, admit, project, keep) returns")
 
 
-def tangent(*arguments: Any) -> None:
-    """Stands for the model's."""
-    raise NotImplementedError
-
-
-def size_of(data: Any, y: Array, e: Array) -> float:
-    """Stands for the model's."""
-    raise NotImplementedError
-
-
-def admit(data: Any, y: Array, work: Array) -> int:
-    """Stands for the model's."""
-    raise NotImplementedError
-
-
-def project(data: Any, y: Array, f: Array, jac: Array) -> bool:
-    """Stands for the model's."""
-    raise NotImplementedError
+rates = tangent = size_of = admit = project = of_the_model
 
 
 def shifted(factor: Any, mass: Array, jac: Array, columns: Array, rows: Array, corner: Array, band: Array, pivots: Array,

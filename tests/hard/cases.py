@@ -136,8 +136,6 @@ class Case:
         Time that a failing case must have stored.
     sets : tuple of str
         Changes of the scene, as of ``--set``.
-    broken : str
-        Why it does not do so yet; empty if it does.
     """
 
     scene: str
@@ -151,7 +149,6 @@ class Case:
     sharp: float = SHARP
     reached: float = 0.0
     sets: tuple[str, ...] = ()
-    broken: str = ""
 
     @property
     def name(self) -> str:
