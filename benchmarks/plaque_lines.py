@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from machine import heading
 
-import plaque1d.lines_scheme as lines
 from multiphase.stepping import Control, integrate, start
 from plaque1d import PlaqueInitial, PlaqueParameters, simulate
 from plaque1d.fipy_scheme import FipyScheme
 from plaque1d.lines_scheme import LinesScheme, RadauLines
 from plaque1d.parameters import PlaqueGeometry
+from plaque1d.semidiscrete import KERNEL
 
 VALUES = {"Psi_l": 1.0, "Psi_m": 0.5, "k_l": 2.0, "k_m": 2.0, "b": 20.0, "mu_n": 0.5, "mu_m": 0.5, "A": 0.5, "B": 1.0, "k": 1.0}
 INITIAL = PlaqueInitial(n="0.1 + 0.05*cos(pi*xi)**2", l=0.2, L=0.5)
@@ -171,7 +171,7 @@ def call(repeats: int) -> None:
     """`simulate`, with 51 stored times, against the compiled integrator inside it."""
     print("\n## The price of a call\n\n`simulate` with its 51 stored times against the compiled integrator inside it, median.\n")
     print("| cells | rtol | simulate, ms | integrator, ms | over it |\n| --- | --- | --- | --- | --- |")
-    compiled, spent = lines._advance(), 0.0
+    compiled, spent = KERNEL.advance, 0.0
 
     def watched(*arguments: Any) -> Any:
         nonlocal spent
@@ -181,7 +181,7 @@ def call(repeats: int) -> None:
         finally:
             spent += time.perf_counter() - started
 
-    original, lines._advance = lines._advance, lambda: watched  # type: ignore[assignment]
+    KERNEL.entries["advance"] = watched
     try:
         for count, rtol in ((50, 1e-3), (100, 1e-4), (200, 1e-4), (200, 1e-5), (800, 1e-4)):
             whole, inside = [], []
@@ -193,7 +193,7 @@ def call(repeats: int) -> None:
             a, b = statistics.median(whole), statistics.median(inside)
             print(f"| {count} | {rtol:.0e} | {1e3 * a:.2f} | {1e3 * b:.2f} | {100 * (a / b - 1):.0f} % |", flush=True)
     finally:
-        lines._advance = original  # type: ignore[assignment]
+        KERNEL.entries["advance"] = compiled
 
 
 def memory() -> None:

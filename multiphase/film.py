@@ -17,22 +17,11 @@ from matplotlib.lines import Line2D
 
 from multiphase.errors import ParameterError
 from multiphase.model import Panel
-from multiphase.plotting import (
-    STYLE,
-    TITLE_WIDTH,
-    Array,
-    Ring,
-    View,
-    at_times,
-    checked_path,
-    colour_map,
-    draw_lines,
-    limits,
-    radius_axis,
-    replacing,
-    time_texts,
-    view_of,
-)
+from multiphase.plotting.files import checked_path, replacing
+from multiphase.plotting.panels import draw_lines
+from multiphase.plotting.ring import Ring, radius_axis
+from multiphase.plotting.style import STYLE, TITLE_WIDTH, colour_map
+from multiphase.plotting.view import Array, View, at_times, limits, time_texts, view_of
 
 if TYPE_CHECKING:
     from multiphase.result import Result
@@ -63,7 +52,6 @@ class Film:
             )
         self.times, self.texts, self.view = times, time_texts(times), view
         self.edges, self.x, self.wall = (at_times(view.t, values, times) for values in (view.edges, x, view.wall))
-        self.reach = 1.05 * float(view.wall.max())
         self.colours = at_times(view.t, view.values[name], times)
         panels = [panel for panel in view.model.panels if panel.kind == "profile" and view.drawable(panel)][:2]
         with matplotlib.rc_context(STYLE):
@@ -90,7 +78,7 @@ class Film:
         """The cross-section of a round body, in the colours of the band, as large from the first frame as it will need."""
         ring = Ring(self.view, self.view.model.film, axes)
         radius_axis(self.view, axes)
-        ring.name_hollow(self.view.model.ends[0].split(" | ")[0], 0.8 * RING_WIDTH)
+        ring.name_hollow(self.view.hollow, 0.8 * RING_WIDTH)
         return ring
 
     def _make_band(self, bar_axes: Axes) -> None:
@@ -99,7 +87,7 @@ class Film:
         self.band = axes.imshow(np.zeros((1, BAND_PIXELS)), cmap=colour_map(), vmin=low, vmax=high, aspect="auto", interpolation="nearest")
         (self.wall_line,) = axes.plot([0.0, 0.0], [0.0, 1.0], color="black", linewidth=2.0)
         self.outer_text = axes.text(0.0, 1.03, view.model.ends[1], ha="center", va="bottom", parse_math=False)
-        axes.set(xlim=(0.0, self.reach), ylim=(0.0, 1.0), yticks=[])
+        axes.set(xlim=(0.0, view.reach), ylim=(0.0, 1.0), yticks=[])
         axes.spines["right"].set_visible(False)
         axes.set_ylabel(view.model.ends[0].replace(" | ", " |\n"), rotation=0, ha="right", va="center", parse_math=False)
         self.figure.colorbar(self.band, cax=bar_axes).set_label(view.label(view.model.film))
@@ -107,12 +95,12 @@ class Film:
     def _make_profiles(self, panel: Panel, axes: Axes) -> None:
         view = self.view
 
-        def draw(side: Axes, name: str, style: str, second: bool) -> None:
-            (line,) = side.plot([], [], style, color="#b35806" if second else "black")
+        def draw(side: Axes, name: str, style: str, colour: str) -> None:
+            (line,) = side.plot([], [], style, color=colour)
             self.profiles.append((line, at_times(view.t, view.values[name], self.times)))
 
         draw_lines(view, panel, axes, draw)
-        axes.set_xlim(0.0, self.reach)
+        axes.set_xlim(0.0, view.reach)
 
     def show(self, frame: int) -> None:
         """Move every artist to `frame`."""

@@ -26,6 +26,7 @@ reveal nothing of them, so every step begins by projecting them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -126,10 +127,12 @@ def workspace(size: int, half: int, border: int, integrals: int, model: Array) -
 
 def of_the_model(*arguments: Any) -> Any:
     """In the place of a model's function, until `build` puts that there."""
-    raise TypeError("multiphase.radau works for a model only: take what build(rates, tangent, size_of, admit, project, keep) returns")
+    raise TypeError("multiphase.radau works for a model only: take what build() returns")
 
 
 rates = tangent = size_of = admit = project = of_the_model
+MODEL = ("rates", "tangent", "size_of", "admit", "project")
+"""What a model brings."""
 
 
 def shifted(factor: Any, mass: Array, jac: Array, columns: Array, rows: Array, corner: Array, band: Array, pivots: Array,
@@ -377,9 +380,9 @@ def advance(
     return DONE, points, dt
 
 
-def build(rates: Any, tangent: Any, size_of: Any, admit: Any, project: Any, keep: str) -> Any:
+def build(functions: Mapping[str, Any], keep: str) -> Any:
     """`advance` compiled for one model from its five compiled functions; `keep` is the fingerprint of the files they come from."""
-    own = {"rates": rates, "tangent": tangent, "size_of": size_of, "admit": admit, "project": project}
+    own = {name: functions[name] for name in MODEL}
     own["shifted"] = compiled(shifted)
     own["resolve"] = compiled(resolve)
     own["interpolate"] = compiled(interpolate)

@@ -115,8 +115,8 @@ class Integrator(Protocol):
     def advance(self, state: State, stop: float, wanted: float, control: Control) -> State:
         """Take steps, none beyond `stop`, and return after the first that reaches or passes `wanted`, or before; raises SolverError."""
 
-    def between(self, t: float, state: State) -> Snapshot:
-        """What is stored at `t`, within the last step of `state` or at its end."""
+    def between(self, wanted: Sequence[float], state: State) -> list[Snapshot]:
+        """What is stored at the times `wanted`, within the last step of `state` or at its end."""
 
 
 class Tracker:
@@ -272,29 +272,34 @@ def integrate(
     step, observe = _steps(scheme, control)
     for tracker in trackers:
         tracker.on_start(state, t_end)
-    for target in save_at:
-        while state.t < target:
+    waiting = deque(save_at)
+    while waiting:
+        while state.t < waiting[0]:
             if state.t in scheme.breaks and len(state.times) > 1:
                 state = restart(scheme, state, control)
-            stop = min([t_end if own else target, *(b for b in (*scheme.breaks, *scheme.kinks) if b > state.t)])
-            state = step(state, stop, target)
+            stop = min([t_end if own else waiting[0], *(b for b in (*scheme.breaks, *scheme.kinks) if b > state.t)])
+            state = step(state, stop, waiting[0])
             for tracker in trackers:
                 tracker.on_step(state)
-        snapshot = observe(target, state)
-        for tracker in trackers:
-            tracker.on_save(state, snapshot)
+        reached = [waiting.popleft()]
+        while waiting and waiting[0] <= state.t:
+            reached.append(waiting.popleft())
+        for snapshot in observe(reached, state):
+            for tracker in trackers:
+                tracker.on_save(state, snapshot)
     return state
 
 
 def _steps(
     scheme: Scheme | Integrator, control: Control
-) -> tuple[Callable[[State, float, float], State], Callable[[float, State], Snapshot]]:
-    """What takes steps towards a stop and a wanted time, and what reads a state at a time: the integrator itself, or the loop's own."""
+) -> tuple[Callable[[State, float, float], State], Callable[[Sequence[float], State], list[Snapshot]]]:
+    """What takes steps towards a stop and a wanted time, and what reads a state at some times: the integrator itself, or the loop's
+    own."""
     if isinstance(scheme, Integrator):
         return partial(scheme.advance, control=control), scheme.between
     return (
         lambda state, stop, wanted: advance(scheme, state, min(stop, wanted), control),
-        lambda t, state: scheme.observe(t, state.u[0]),
+        lambda reached, state: [scheme.observe(t, state.u[0]) for t in reached],
     )
 
 

@@ -135,12 +135,15 @@ class Balances(Tracker):
 
     def __init__(self, limit: float = 1e-9) -> None:
         self.limit = limit
-        self._seen: set[str] = set()
+        self._watched: list[str] | None = None
 
     def on_save(self, state: State, snapshot: Snapshot) -> None:
-        for name, value in snapshot.scalars.items():
-            if name.startswith("defect_") and name not in self._seen and not abs(value) <= self.limit:
-                self._seen.add(name)
+        if self._watched is None:
+            self._watched = [name for name in snapshot.scalars if name.startswith("defect_")]
+        for name in self._watched:
+            value = snapshot.scalars[name]
+            if not abs(value) <= self.limit:
+                self._watched = [other for other in self._watched if other != name]
                 logger.warning("%s = %.3g at t = %.6g: this balance should close to rounding", name, value, snapshot.t)
 
 

@@ -40,7 +40,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from multiphase import radau
 from multiphase.banded import factor as _factor
 from multiphase.banded import solve as _solve
 from multiphase.compiled import compiled
@@ -95,8 +94,6 @@ def upwinded(diffusive: Any, velocity: Any) -> Any:
 
 
 _upwinded = compiled(upwinded)
-_shifted = compiled(radau.shifted)
-_resolve = compiled(radau.resolve)
 
 
 @njit(error_model="numpy")
@@ -687,7 +684,7 @@ def size_of(d: Data, y: Array, e: Array) -> float:
 @njit(error_model="numpy")
 def bounded(d: Data, y: Array) -> None:
     """Bring n back into [0, 1] with its sum kept: what lies outside is taken from, or given to, all cells in proportion to what they
-    have, or have room for."""
+    have, or have room for. Where no macrophages are left, what is beyond them died by an uptake that is undone, so all balances hold."""
     N, m = d.cells, d.stride
     W = y[m * N]
     excess = give = take = 0.0
@@ -703,10 +700,15 @@ def bounded(d: Data, y: Array) -> None:
         return
     whole = max(give if excess < 0.0 else take, abs(excess))
     share = excess / whole if whole > 0.0 else 0.0
+    beyond = excess - take
     for i in range(N):
         inside = min(max(y[m * i], 0.0), W)
         room = inside if excess < 0.0 else W - inside
         y[m * i] = min(max(inside + room * share, 0.0), W)
+        if beyond > 0.0 and d.k_m > 0.0:
+            y[m * i + 1] += d.k_l / d.k_m * beyond / N
+    if beyond > 0.0 and d.k_m > 0.0:
+        y[m * N + BORDER] -= beyond / (N * d.k_m)
 
 
 @njit(error_model="numpy")
@@ -777,37 +779,7 @@ def settle(d: Data, t: float, y: Array, w: Any) -> None:
 
 
 @njit(error_model="numpy")
-def newton_step(
-    d: Data, mass: Array, t: float, alpha: float, past: Array, y: Array, tolerance: float, most: int, w: Any
-) -> tuple[int, int, float]:
-    """Solve ``M (alpha (y - past)) = f(t, y)`` by Newton's method from `y`, which is overwritten; the integrals advance by the same
-    formula, so balances hold after each iteration.
-
-    Returns the code of `multiphase.radau`, the iterations, and the last change in units of the tolerated error.
-    """
-    total, rest = y.size, mass.size
-    change, last = 0.0, 0.0
-    for iteration in range(1, most + 1):
-        rates(d, t, y, w.f_0, w.model)
-        tangent(d, t, y, w.f_0, w.jac, w.columns, w.rows, w.corner, w.q_rows, w.q_corner, w.model, w.scratch)
-        if not _shifted(alpha, mass, w.jac, w.columns, w.rows, w.corner, w.band, w.pivots, w.real_columns, w.real_rows, w.real_corner):
-            return radau.SINGULAR, iteration, change
-        for k in range(total):
-            mass_k = mass[k] if k < rest else 1.0
-            w.vector[k] = w.f_0[k] - mass_k * alpha * (y[k] - past[k])
-        _resolve(alpha, w.band, w.pivots, w.real_columns, w.real_rows, w.real_corner, w.q_rows, w.q_corner, w.vector)
-        change = size_of(d, y, w.vector)
-        if not np.isfinite(change):
-            return radau.DIVERGED, iteration, change
-        for k in range(total):
-            y[k] += w.vector[k]
-        if not y[d.stride * d.cells] > 0.0:
-            return radau.OUT_OF_BOUNDS, iteration, 3.0
-        rate = change / last if last > 0.0 else 1.0
-        if change * min(1.0, rate) <= tolerance:
-            broken = admit(d, y, w.model)
-            return (radau.OUT_OF_BOUNDS, iteration, float(broken)) if broken else (radau.DONE, iteration, change)
-        if iteration > 2 and rate > 2.0:
-            return radau.DIVERGED, iteration, change
-        last = change
-    return radau.DIVERGED, most, change
+def reach(d: Data, y: Array, change: Array) -> float:
+    """Share of a Newton change that may be taken: all of it, or nothing where W would no longer be positive."""
+    W = d.stride * d.cells
+    return 1.0 if y[W] + change[W] > 0.0 else 0.0

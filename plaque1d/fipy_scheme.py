@@ -31,7 +31,7 @@ from plaque1d import equations as eq
 from plaque1d.extensions import Extension, ExtraTerms
 from plaque1d.fipy_terms import Layout, NecroticTransport, Scatter, import_fipy, without_rounding
 from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
-from plaque1d.semidiscrete import SemiDiscrete, entry
+from plaque1d.semidiscrete import SemiDiscrete
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ class FipyScheme(SemiDiscrete):
         u = self.initial()
         self.residual(0.0, 1.0, u, self.fractions(u))
         self.error_norm(u, u)
-        entry("admit")(self._constants, u[: self._base].copy(), self.work.model)
+        self.kernel["admit"](self._constants, u[: self._base].copy(), self.work.model)
 
     def initial(self) -> Array:
         """Initial vector, its algebraic part consistent."""
@@ -134,9 +134,9 @@ class FipyScheme(SemiDiscrete):
         """Put an iterate and its coefficients into the FiPy variables; its rates and their tangent are left in the work space."""
         p, lay, h, N = self.parameters, self.layout, self.grid.spacing, self.grid.cells
         y, work, data = self._vector(x), self.work, self.data_until(t)
-        entry("face_values")(data, y, self._faces, work.model)
-        entry("rates")(data, t, y, work.f_0, work.model)
-        entry("tangent")(data, t, y, work.f_0, work.jac, work.columns, work.rows, work.corner, work.q_rows, work.q_corner, work.model,
+        self.kernel["face_values"](data, y, self._faces, work.model)
+        self.kernel["rates"](data, t, y, work.f_0, work.model)
+        self.kernel["tangent"](data, t, y, work.f_0, work.jac, work.columns, work.rows, work.corner, work.q_rows, work.q_corner, work.model,
                    work.scratch)  # fmt: skip
         flux, velocity, ldl_velocity, conductance = self._faces
         self._load_fields(t, past, x)
@@ -253,7 +253,7 @@ class FipyScheme(SemiDiscrete):
             if moved * min(1.0, rate) <= NEWTON_TOLERANCE:
                 integrals = np.append(np.arange(size + fv.BORDER, self._base), [-2, -1])
                 u[integrals] = past[integrals] + sources / alpha
-                broken = entry("admit")(self._constants, u[: self._base], self.work.model)
+                broken = self.kernel["admit"](self._constants, u[: self._base], self.work.model)
                 if broken:
                     raise StepFailure(self.out_of_bounds(broken))
                 return Solved(u, iteration)

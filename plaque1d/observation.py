@@ -9,8 +9,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from multiphase import radau
-from multiphase.compiled import compiled
 from multiphase.geometry import MovingGrid
 from plaque1d import discretisation as fv
 from plaque1d import laws as law
@@ -20,8 +18,6 @@ Array = NDArray[np.float64]
 
 SMALLEST_FRACTION = 1e-5
 """Macrophage fraction at the endothelium below which the slip velocity there, V/c, is no longer resolved."""
-
-_interpolate = compiled(radau.interpolate)
 
 GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 FIELDS = ("n", "c", "l", "u_n", "u_m", "p_n")
@@ -135,13 +131,15 @@ def _velocities_and_pressure(d: fv.Data, y: Any, V: float, n_wall: float, fields
 
 
 @njit(error_model="numpy")
-def between(d: fv.Data, t: float, times: Any, past: Any, start: Any, fields: Any, scalars: Any) -> None:
-    """`observe` at `t` on the polynomial through the points (times, past), fractions brought back into [0, 1]."""
-    y = past[0].copy()
-    if t != times[0]:
-        _interpolate(times, past, t, y)
-    fv.bounded(d, y)
+def gains(d: fv.Data, y: Any) -> Any:
+    """Integrals over time of the sources of n, of the losses of l, of the influx of modLDL, and of dW/dt."""
     size = d.stride * d.cells
     uptake, influx, growth = y[size + 2], y[size + 3], y[size + 4]
-    gains = np.array([d.k_m * uptake, d.k_l * uptake, influx, growth])
-    observe(d, t, y, start, gains, fields, scalars)
+    return np.array([d.k_m * uptake, d.k_l * uptake, influx, growth])
+
+
+@njit(error_model="numpy")
+def record(d: fv.Data, t: float, y: Any, start: Any, fields: Any, scalars: Any) -> None:
+    """`observe` of a vector on the polynomial of a step, its fractions brought back into [0, 1]; see `multiphase.lines`."""
+    fv.bounded(d, y)
+    observe(d, t, y, start, gains(d, y), fields, scalars)

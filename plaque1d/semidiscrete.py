@@ -6,16 +6,12 @@ Every scheme of the plaque builds on it: the method of lines and FiPy solve the 
 
 from __future__ import annotations
 
-import logging
-from functools import cache
-from typing import Any
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from multiphase import banded, compiled, geometry, radau, stepping
+from multiphase import geometry, lines, radau
 from multiphase.geometry import MovingGrid
+from multiphase.lines import Kernel
 from multiphase.stepping import Snapshot
 from plaque1d import discretisation as fv
 from plaque1d import equations as eq
@@ -24,7 +20,8 @@ from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
 
 Array = NDArray[np.float64]
 
-logger = logging.getLogger("multiphase.compile")
+KERNEL = Kernel(fv, observation, parts=(laws, eq, geometry))
+"""The compiled discretisation, which the schemes of the plaque share."""
 
 _BOUNDS = {
     1: "n leaves [0, 1] by more than rtol",
@@ -34,27 +31,8 @@ _BOUNDS = {
 }
 
 
-@cache
-def mark() -> str:
-    """Fingerprint of all that is compiled for the plaque."""
-    return compiled.fingerprint(*(module.__file__ for module in (fv, observation, laws, radau, banded, stepping, eq, geometry)))
-
-
-@cache
-def announce() -> None:
-    """Say once that code is being compiled, if it is not on disk."""
-    if not (compiled.cache_folder(numba.config.CACHE_DIR) / mark()).exists():  # type: ignore[attr-defined]
-        logger.info("compiling the solver for this machine; it takes half a minute, once")
-
-
-@cache
-def entry(name: str) -> Any:
-    """A function of `plaque1d.discretisation` or `plaque1d.observation`, compiled to be called from Python and kept on disk."""
-    return compiled.compiled(getattr(observation if hasattr(observation, name) else fv, name), keep=mark())
-
-
-class SemiDiscrete:
-    """The plaque on equal cells: what the schemes share of `multiphase.stepping.Scheme`.
+class SemiDiscrete(lines.SemiDiscrete):
+    """The plaque on equal cells: what its schemes share.
 
     Their vectors begin with ``[cell unknowns, W, V, integrals]``, in the order of `plaque1d.discretisation`.
 
@@ -67,6 +45,10 @@ class SemiDiscrete:
         The accuracy knob: local errors of n are kept below rtol, of l below rtol max(l), of W below rtol W.
     """
 
+    kernel = KERNEL
+    fields, scalars = observation.FIELDS, observation.SCALARS
+    bounds = _BOUNDS
+
     def __init__(
         self,
         parameters: PlaqueParameters,
@@ -76,11 +58,10 @@ class SemiDiscrete:
         rtol: float,
         floor: float = fv.FLOOR,
     ) -> None:
-        announce()
+        KERNEL.announce()
         self.parameters, self.initial_values, self.geometry, self.rtol = parameters, initial, geometry, rtol
-        self.grid = MovingGrid(cells)
-        self.breaks: tuple[float, ...] = parameters.Psi_l.jumps
-        self.kinks: tuple[float, ...] = parameters.Psi_l.breaks
+        self.cells, self.grid = cells, MovingGrid(cells)
+        self.breaks, self.kinks = parameters.Psi_l.jumps, parameters.Psi_l.breaks
         drag = parameters.momentum == "drag"
         self.stride = 4 if geometry.annulus and drag else 3
         """Unknowns of a cell."""
@@ -103,8 +84,8 @@ class SemiDiscrete:
         self.mass[self.size + 1] = 0.0
         model = np.zeros((fv.WORK_ROWS, cells + 1))
         self.work = radau.workspace(self.size, 2 * self.stride, fv.BORDER, fv.INTEGRALS, model)
-        self._totals = np.zeros(4)
-        self._start = self._initial()
+        self.start = np.zeros(4)
+        self._initial = self._initial_vector()
 
     @property
     def n(self) -> slice:
@@ -121,11 +102,6 @@ class SemiDiscrete:
         """Where the slip on the interior faces stands."""
         return slice(2, self.size - self.stride, self.stride)
 
-    @property
-    def workspace_bytes(self) -> int:
-        """Memory of the work space."""
-        return sum(array.nbytes for array in self.work)
-
     def data(self, t: float) -> fv.Data:
         """Constants of the stretch between two breaks of Psi_l(t) that begins at or contains `t`."""
         series = self.parameters.Psi_l
@@ -141,66 +117,25 @@ class SemiDiscrete:
             self._segments[first] = self._constants._replace(influx=float(value), influx_rate=float(rate), t_0=float(origin))
         return self._segments[first]
 
-    def data_until(self, t: float) -> fv.Data:
-        """`data` of the stretch that ends at `t`, or contains it."""
-        return self.data(float(np.nextafter(t, 0.0)))
-
-    def _initial(self) -> Array:
+    def _initial_vector(self) -> Array:
         start, W = self.initial_values, self.geometry.size(self.initial_values.L)
         n, l = (observation.cell_averages(f, self.grid, self.geometry, start.L) for f in (start.n, start.l))
         n, l = np.clip(n, 0.0, 1.0), np.maximum(l, 0.0)  # the quadrature leaves rounding
         n_total = W * float(np.mean(n))
-        self._totals = np.array([n_total, W - n_total, W * float(np.mean(l)), W])
+        self.start = np.array([n_total, W - n_total, W * float(np.mean(l)), W])
         y = np.zeros(self.size + fv.BORDER + fv.INTEGRALS)
         y[self.n], y[self.l], y[self.size] = W * n, W * l, W
         return self.consistent(0.0, y)
-
-    def prepare(self) -> None:
-        """Compile, or load, what a run needs."""
-        self.observe(0.0, self.initial())
-
-    def initial(self) -> Array:
-        """Initial vector, its algebraic part consistent."""
-        return self._start.copy()
-
-    def consistent(self, t: float, u: Array) -> Array:
-        """`u` with V from the wall balance and w from the slip equation just after time `t`."""
-        y = u.copy()
-        entry("settle")(self.data(t), t, y, self.work)
-        return y
-
-    def error_norm(self, error: Array, u: Array) -> float:
-        """The largest of: root mean square error of n, of l over its scale, and the relative error of W; in units of rtol."""
-        return float(entry("size_of")(self._constants, u, error))
-
-    def reason(self, code: int, value: float) -> str:
-        if code == radau.OUT_OF_BOUNDS:
-            return self.out_of_bounds(int(value))
-        return {
-            radau.DIVERGED: f"Newton's method does not converge: last change {value:.3g} of the tolerated error",
-            radau.SINGULAR: "the tangent of the step is singular",
-            radau.INEXACT: f"local error {value:.3g} times the tolerance",
-        }[code]
 
     def out_of_bounds(self, number: int) -> str:
         """The bound that a step broke, in words."""
         cure = f"; raise p_out to A = {self.parameters.A:g}, or use momentum = interfacial"
         return _BOUNDS[number] + (cure if number == 4 else "")
 
-    def observe(self, t: float, u: Array) -> Snapshot:
-        """Fields at cell centres and scalars of the contract at time `t`."""
-        return self.snapshot(t, u, {}, (0.0, 0.0))
-
     def snapshot(self, t: float, u: Array, extra: dict[str, Array], added: tuple[float, float]) -> Snapshot:
-        """`observe` with further fields, and integrals of further sources of n and l."""
-        p, N = self.parameters, self.grid.cells
-        uptake, influx, growth = u[self.size + fv.BORDER :]
-        gains = np.array([p.k_m * uptake + added[0], p.k_l * uptake - added[1], influx, growth])
-        fields, scalars = np.empty((len(observation.FIELDS) + 1, N)), np.empty(len(observation.SCALARS))
-        entry("observe")(self.data_until(t), t, u, self._totals, gains, fields, scalars)
-        return self.named(t, fields, scalars, extra)
-
-    def named(self, t: float, fields: Array, scalars: Array, extra: dict[str, Array]) -> Snapshot:
-        """A snapshot of the rows that `plaque1d.observation` fills."""
-        values = dict(zip(observation.FIELDS, fields, strict=False)) | extra
-        return Snapshot(t, dict(zip(observation.SCALARS, scalars.tolist(), strict=True)), values, fields[-1])
+        """What is stored, with further fields, and integrals of further sources of n and l."""
+        gains = observation.gains(self._constants, u) + np.array([added[0], -added[1], 0.0, 0.0])
+        fields, scalars = np.empty((len(self.fields) + 1, self.cells)), np.empty(len(self.scalars))
+        KERNEL["observe"](self.data_until(t), t, u, self.start, gains, fields, scalars)
+        stored = self.named(t, fields, scalars)
+        return Snapshot(t, stored.scalars, dict(stored.fields) | extra, stored.x)

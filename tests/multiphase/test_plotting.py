@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from multiphase import film as film_module
-from multiphase import plotting
 from multiphase.errors import ParameterError
 from multiphase.film import Film, animate, frame_times
 from multiphase.model import Panel, find_model
-from multiphase.plotting import at_times, figure, limits, save_figure, time_texts, view_of
+from multiphase.plotting import Ring, View, figure, save_figure, standard, view_of
+from multiphase.plotting.view import at_times, limits, time_texts
 from multiphase.result import Result
 
 TITLE = "A synthetic plaque"
@@ -290,7 +290,7 @@ def along_a_radius(image: Any) -> tuple[np.ndarray, np.ma.MaskedArray]:
     return (np.arange(side // 2) + 0.5) / side * 2.0 * reach, values[side // 2, side // 2 :]
 
 
-def disk(**changes: Any) -> plotting.View:
+def disk(**changes: Any) -> View:
     """A view of a round body without a hollow, of a model that is not installed."""
     view = view_of(sample(**changes))
     return replace(view, inner=0.0)
@@ -333,7 +333,7 @@ def test_a_ring_is_cut_to_its_outline() -> None:
     axes = picture.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
     view = view_of(sample(scene=VESSEL))
-    ring = plotting.Ring(view, "n", axes)
+    ring = Ring(view, "n", axes)
     ring.show(view.edges[20], view.values["n"][20])  # from 3 to 6 of 8.4
     buffer = io.BytesIO()
     picture.savefig(buffer, format="png", dpi=100)
@@ -398,7 +398,7 @@ def test_rings_show_what_is_not_a_number_in_grey() -> None:
 def test_a_disk_has_one_outline_and_no_hollow() -> None:
     view = disk()
     axes = Figure().add_subplot()
-    ring = plotting.Ring(view, "n", axes)
+    ring = Ring(view, "n", axes)
     ring.show(view.edges[-1], view.values["n"][-1])
     ring.name_hollow("lumen", 10.0)
     assert radii(ring.outline) == pytest.approx([5.0], rel=1e-4)
@@ -409,9 +409,9 @@ def test_a_disk_has_one_outline_and_no_hollow() -> None:
 def test_rows_of_the_figure() -> None:
     a, b, c = (Panel("profile", ("n",), title) for title in "ABC")
     ring = Panel("ring", ("n",), "R")
-    assert plotting._layout([a, ring, b, c]) == [[a, b], [ring], [c]]
-    assert plotting._layout([a, b, ring, c]) == [[a, b], [ring], [c]]
-    assert plotting._layout([ring]) == [[ring]]
+    assert standard._layout([a, ring, b, c]) == [[a, b], [ring], [c]]
+    assert standard._layout([a, b, ring, c]) == [[a, b], [ring], [c]]
+    assert standard._layout([ring]) == [[ring]]
 
 
 @pytest.mark.parametrize(("scales", "length"), [("", 1.0), (SCALES, 100.0)])
@@ -671,7 +671,7 @@ def test_save_figure_that_fails_keeps_the_old_file(tmp_path: Path, monkeypatch: 
 
 @pytest.mark.parametrize("name", ["a.jpg", "a", "a.gif", "no/a.png"])
 def test_save_figure_refuses_before_drawing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    monkeypatch.setattr(plotting, "figure", lambda *_: pytest.fail("was drawn"))
+    monkeypatch.setattr(standard, "figure", lambda *_: pytest.fail("was drawn"))
     words = "there is no folder .*no'; create it first" if "/" in name else r"must end in \.png, \.pdf or \.svg"
     with pytest.raises(ParameterError, match=words):
         save_figure(sample(), tmp_path / name)

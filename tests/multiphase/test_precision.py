@@ -13,24 +13,13 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from multiphase import precision
 from multiphase.cli import main
 from multiphase.errors import ParameterError, SolverError
 from multiphase.model import Model, Panel, Quantity
 from multiphase.parameters import parameter, validate
-from multiphase.precision import (
-    Cost,
-    Measurement,
-    Order,
-    Study,
-    cell_averages,
-    choices,
-    errors_between,
-    orders_of,
-    pareto,
-    parse_list,
-    study,
-)
+from multiphase.precision import Measurement, Order, Study, bench, choices, parse_list, study
+from multiphase.precision.accuracy import cell_averages, errors_between, orders_of, pareto
+from multiphase.precision.bench import Bench, Cost
 from multiphase.result import Result
 from multiphase.scene import Scene, TimeTable, load_scene
 
@@ -123,7 +112,7 @@ class Runs:
 @pytest.fixture
 def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
     made = Runs()
-    monkeypatch.setattr(precision, "run", made)
+    monkeypatch.setattr(bench, "run", made)
     return made
 
 
@@ -634,9 +623,9 @@ def test_the_command_measures_the_plaque(capsys: pytest.CaptureFixture[str]) -> 
 
 def test_a_run_beyond_its_limit_is_stopped() -> None:
     scene = load_scene("plaque", ["time.end=0.05"])
-    bench = precision._Bench(scene, 1.0, lambda line: None)
-    assert bench.attempt("fipy", 8, 1e-2, limit=-1.0).status == "stopped"
-    assert bench.attempt("fipy", 8, 1e-2, limit=1e6).status == "completed"
+    runner = Bench(scene, 1.0, lambda line: None)
+    assert runner.attempt("fipy", 8, 1e-2, limit=-1.0).status == "stopped"
+    assert runner.attempt("fipy", 8, 1e-2, limit=1e6).status == "completed"
 
 
 @pytest.mark.parametrize(
@@ -654,7 +643,7 @@ def test_a_run_beyond_its_limit_is_stopped() -> None:
 def test_the_command_refuses_in_one_paragraph(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, arguments: list[str], said: str
 ) -> None:
-    monkeypatch.setattr(precision, "run", unused)
+    monkeypatch.setattr(bench, "run", unused)
     assert main(["precision", "plaque", *arguments]) == 2
     out, err = capsys.readouterr()
     assert out == ""
@@ -677,6 +666,6 @@ def test_the_command_fails_where_nothing_could_be_run(capsys: pytest.CaptureFixt
     def refuse(scene: Scene, **_: Any) -> Result:
         raise ParameterError("solver", "never.")
 
-    monkeypatch.setattr(precision, "run", refuse)
+    monkeypatch.setattr(bench, "run", refuse)
     assert main(["precision", "plaque", *PLAQUE]) == 3
     assert "refused: solver: never." in capsys.readouterr().out

@@ -332,8 +332,8 @@ def test_a_failure_can_be_returned() -> None:
 
 
 def test_a_step_that_cannot_be_solved_fails_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("plaque1d.lines_scheme.NEWTON_ITERATIONS", 1)
-    monkeypatch.setattr("plaque1d.lines_scheme.NEWTON_TOLERANCE", -1.0)
+    monkeypatch.setattr("multiphase.lines.NEWTON_ITERATIONS", 1)
+    monkeypatch.setattr("multiphase.lines.NEWTON_TOLERANCE", -1.0)
     with pytest.raises(SolverError, match="does not converge") as caught:
         run(scene())
     assert caught.value.time == 0.0

@@ -11,7 +11,7 @@ from scipy.special import j0, j1, y0, y1
 
 from multiphase.stepping import Control, integrate, start
 from plaque1d import equations as eq
-from plaque1d.semidiscrete import entry
+from plaque1d.semidiscrete import KERNEL
 
 FORMS = {"interfacial": {}, "drag": {"momentum": "drag", "p_out": 1.0}}
 UNEQUAL = {"mu_n": 0.2, "lambda_n": 0.3, "mu_m": 0.6, "lambda_m": -0.25}
@@ -26,7 +26,7 @@ def _end(scheme, t_end=1.0):
 
 def _rates(scheme, y):
     out = np.empty_like(y)
-    entry("rates")(scheme.data(0.0), 0.0, y, out, scheme.work.model)
+    KERNEL["rates"](scheme.data(0.0), 0.0, y, out, scheme.work.model)
     return out
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from multiphase.stepping import Control, integrate, start
 from plaque1d import equations as eq
-from plaque1d.semidiscrete import entry
+from plaque1d.semidiscrete import KERNEL
 
 N0, L0_LDL, WIDTH = 0.3, 0.6, 2.0
 BASE = {"Psi_l": 0.0, "Psi_m": 0.0, "A": 1.0, "B": 0.8, "k": 2.0, "b": 4.0}
@@ -31,7 +31,7 @@ def _matrix(scheme, mode, cells):
             u[part] += sign * amplitude * WIDTH * cosine
             u = scheme.consistent(0.0, u)
             out = np.empty_like(u)
-            entry("rates")(scheme.data(0.0), 0.0, u, out, scheme.work.model)
+            KERNEL["rates"](scheme.data(0.0), 0.0, u, out, scheme.work.model)
             slopes.append(out / WIDTH)  # d/dt of the averages
         slope = (slopes[0] - slopes[1]) / (2.0 * amplitude)
         columns.append([2.0 * np.mean(slope[q] * cosine) for q in (scheme.n, scheme.l)])

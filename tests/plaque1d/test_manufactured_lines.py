@@ -17,11 +17,11 @@ from scipy.sparse.linalg import spsolve
 
 from multiphase import radau
 from multiphase.stepping import Control, Solved, integrate, start
-from plaque1d import PlaqueInitial, PlaqueParameters, lines_scheme
+from plaque1d import PlaqueInitial, PlaqueParameters
 from plaque1d import discretisation as fv
 from plaque1d.lines_scheme import LinesScheme, RadauLines
 from plaque1d.parameters import PlaqueGeometry
-from plaque1d.semidiscrete import entry
+from plaque1d.semidiscrete import KERNEL
 
 VALUES = {
     "Psi_l": 1.0, "Psi_m": 0.5, "k_l": 2.0, "k_m": 1.5, "b": 5.0, "A": 0.8, "B": 1.5, "k": 2.0,
@@ -136,11 +136,11 @@ class Forced:
         return out
 
     def rates(self, data, t, y, out, work):
-        entry("rates")(data, t, y, out, work)
+        KERNEL["rates"](data, t, y, out, work)
         out += self.forcing(t)
 
     def tangent(self, data, t, y, f_0, *rest):
-        entry("tangent")(data, t, y, f_0 - self.forcing(t), *rest)
+        KERNEL["tangent"](data, t, y, f_0 - self.forcing(t), *rest)
 
 
 class ForcedLines(Forced, LinesScheme):
@@ -180,8 +180,9 @@ def interpreted(monkeypatch):
     def use(scheme):
         with monkeypatch.context() as patch:
             patch.setattr(radau, "compiled", plain)
-            advance = radau.build(scheme.rates, scheme.tangent, entry("size_of"), entry("admit"), entry("project"), "")
-        monkeypatch.setattr(lines_scheme, "_advance", lambda: advance)
+            own = {"rates": scheme.rates, "tangent": scheme.tangent}
+            advance = radau.build(own | {name: KERNEL[name] for name in ("size_of", "admit", "project")}, "")
+        monkeypatch.setitem(KERNEL.entries, "advance", advance)
         return scheme
 
     return use

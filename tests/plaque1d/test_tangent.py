@@ -7,7 +7,7 @@ import pytest
 
 from plaque1d import discretisation as fv
 from plaque1d import equations as eq
-from plaque1d.semidiscrete import entry
+from plaque1d.semidiscrete import KERNEL
 
 CASES = {
     "interfacial": {},
@@ -142,5 +142,5 @@ def _slopes(make_lines, n, **changes):
     scheme = make_lines(len(n), **changes)
     y = scheme.initial()
     y[scheme.n] = y[scheme.size] * n
-    entry("rates")(scheme.data(0.0), 0.0, y, np.empty_like(y), scheme.work.model)
+    KERNEL["rates"](scheme.data(0.0), 0.0, y, np.empty_like(y), scheme.work.model)
     return scheme.work.model[fv._SLOPE, : len(n)].copy()

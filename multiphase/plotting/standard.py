@@ -1,0 +1,130 @@
+"""The standard figure of a result."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure, SubFigure
+
+from multiphase.errors import ParameterError
+from multiphase.model import Panel
+from multiphase.parameters import nearest
+from multiphase.plotting.files import checked_path, write_picture
+from multiphase.plotting.panels import DRAW, profile_legend
+from multiphase.plotting.ring import draw_rings
+from multiphase.plotting.style import STYLE, TITLE_WIDTH
+from multiphase.plotting.view import View, view_of
+
+if TYPE_CHECKING:
+    from multiphase.result import Result
+
+PICTURES = (".png", ".pdf", ".svg")
+KINDS = (*DRAW, "ring")
+ROW_HEIGHT, RING_HEIGHT = 2.35, 2.45  # inches
+RING_GAP = 0.08  # inches around the rows of a figure with rings
+
+
+def _choose(view: View, panels: Sequence[Panel] | None) -> list[Panel]:
+    """The panels that this result can show, one name to a panel of colours."""
+    chosen = view.model.panels if panels is None else tuple(panels)
+    for panel in chosen:
+        if panel.kind not in KINDS:
+            raise ParameterError("panels", f"there is no panel kind {panel.kind!r}{nearest(panel.kind, KINDS)} Kinds: {', '.join(KINDS)}.")
+        missing = [] if panels is None else [name for name in panel.names if name not in view.values]
+        if missing:
+            raise ParameterError(
+                "panels", f"the result holds no {missing[0]!r}{nearest(missing[0], view.values)} It holds {', '.join(view.values)}."
+            )
+        if panels is not None and panel.kind == "ring" and view.inner is None:
+            raise ParameterError("panels", 'the domain of this result is flat, so it has no rings to draw; use the kind "spacetime".')
+    split = [
+        replace(panel, names=names)
+        for panel in chosen
+        for names in ([(name,) for name in panel.names] if panel.kind in ("spacetime", "ring") else [panel.names])
+    ]
+    drawable = [panel for panel in split if view.drawable(panel)]
+    if not drawable:
+        wanted = ", ".join(dict.fromkeys(name for panel in split for name in panel.names))
+        raise ParameterError(
+            "output.fields", f"the result holds nothing that its panels show ({wanted}); store at least one of these fields."
+        )
+    return drawable
+
+
+def _layout(panels: Sequence[Panel]) -> list[list[Panel]]:
+    """Panels by row: rings have a row to themselves, the others are two to a row."""
+    rows: list[list[Panel]] = []
+    open_row: list[Panel] = []
+    for panel in panels:
+        if panel.kind == "ring":
+            rows.append([panel])
+        elif len(open_row) == 1:
+            open_row.append(panel)
+        else:
+            open_row = [panel]
+            rows.append(open_row)
+    return rows
+
+
+def figure(result: Result, *, panels: Sequence[Panel] | None = None) -> Figure:
+    """Draw the standard figure of a result, in physical units where its scene has scales.
+
+    Parameters
+    ----------
+    result : multiphase.Result
+    panels : sequence of multiphase.model.Panel, optional
+        What to draw; the model's own panels when not given, less those whose fields were not stored.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Two panels to a row, 7 inches wide; the last of an odd number takes the whole row, and so do rings.
+
+    Raises
+    ------
+    ParameterError
+        When a given panel names what the result does not hold, or nothing is left to draw.
+    """
+    view = view_of(result)
+    chosen = _choose(view, panels)
+    with matplotlib.rc_context(STYLE):
+        rows = _layout(chosen)
+        heights = [RING_HEIGHT if row[0].kind == "ring" else ROW_HEIGHT for row in rows]
+        picture = Figure(figsize=(7.0, 0.9 + sum(heights)), layout="constrained")
+        FigureCanvasAgg(picture)
+        if RING_HEIGHT in heights:
+            picture.get_layout_engine().set(h_pad=RING_GAP)  # type: ignore[union-attr,call-arg]
+        body: SubFigure = picture.subfigures(1, 1, squeeze=True)  # type: ignore[assignment]
+        grid = body.add_gridspec(len(rows), 2, height_ratios=heights)
+        for index, row in enumerate(rows):
+            for column, panel in enumerate(row):
+                place = grid[index, column] if len(row) == 2 else grid[index, :]
+                if panel.kind == "ring":
+                    draw_rings(view, panel, body, place)
+                    continue
+                axes = body.add_subplot(place)
+                axes.set_title(panel.title, loc="left", parse_math=False)
+                DRAW[panel.kind](view, panel, axes)
+        if any(panel.kind == "profile" for panel in chosen):
+            profile_legend(view, body)
+        picture.suptitle(textwrap.fill(view.title, TITLE_WIDTH), parse_math=False)
+        picture.supxlabel(view.footer(), parse_math=False, fontsize=8, color="0.3")
+    return picture
+
+
+def save_figure(result: Result, path: str | os.PathLike[str]) -> None:
+    """Write the standard figure to a .png (200 dpi), .pdf or .svg file, replacing the file only once it is whole.
+
+    Raises
+    ------
+    ParameterError
+        For another suffix or a folder that does not exist, before anything is drawn.
+    """
+    target = checked_path(path, PICTURES, "a picture")
+    write_picture(figure(result), target)
