@@ -93,7 +93,7 @@ class Expression:
             case ast.Name(id=name):
                 self._check_name(name)
             case ast.BinOp(op=ast.BitXor()):
-                raise self._refusal("uses ^, which is not a power here; write x**2")
+                raise self._refusal(f"uses ^, which is not a power here; write {self.variables[0]}**2")
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
                 children = [left, right]
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
@@ -149,12 +149,13 @@ class PositionFunction:
         sampled at 2001 equally spaced points of ``0 <= x <= length``, xi = x/length, and is from then on the piecewise linear
         function through these points: what runs is what is stored in the result.
     variables : sequence of str, default ("x", "xi")
+        Names of the coordinate, first, and of others that a formula may use. A callable needs one coordinate, x or another, and xi.
     path : str
         Dotted path of the value, for messages.
     folder : Path, optional
         Where a relative ``file`` is looked for; the current folder if not given.
     length : float, default 1
-        Extent of the body along x, used to sample a callable.
+        Extent of the body along its coordinate, used to sample a callable.
 
     Two functions are equal when they are written the same way: equal numbers, equal text, or equal tables.
     """
@@ -424,10 +425,11 @@ def _is_number(cell: str) -> bool:
 
 def _sample(function: Callable[..., Any], variables: Sequence[str], path: str, length: float) -> tuple[Array, Array]:
     """Positions (SAMPLES,) over the body, and the callable's values there."""
-    if not set(variables) <= {"x", "xi"}:
+    coordinate = variables[0]
+    if not set(variables) <= {coordinate, "xi"}:
         raise ParameterError(path, f"a Python function of {', '.join(variables)} cannot be used here; give a formula instead.")
     at = np.linspace(0.0, length, SAMPLES)
-    coordinates = {"x": at, "xi": np.linspace(0.0, 1.0, SAMPLES)}
+    coordinates = {coordinate: at, "xi": np.linspace(0.0, 1.0, SAMPLES)}
     try:
         wanted = [p for p in inspect.signature(function).parameters.values() if p.default is p.empty]
     except (TypeError, ValueError):
@@ -436,7 +438,7 @@ def _sample(function: Callable[..., Any], variables: Sequence[str], path: str, l
         by_name = {p.name: coordinates[p.name] for p in wanted if p.kind is p.KEYWORD_ONLY}
         result = function(*(coordinates[p.name] for p in wanted if p.kind is not p.KEYWORD_ONLY), **by_name)
     else:
-        result = function(coordinates[variables[0]])
+        result = function(coordinates[coordinate])
     values = np.asarray(result, dtype=float)
     if values.ndim and values.shape != at.shape:
         raise ParameterError(
@@ -445,5 +447,5 @@ def _sample(function: Callable[..., Any], variables: Sequence[str], path: str, l
     values = np.array(np.broadcast_to(values, at.shape))
     if not np.all(np.isfinite(values)):
         first = int(np.argmin(np.isfinite(values)))
-        raise ParameterError(path, f"the function gives {values[first]} at x = {at[first]:.6g}; it must be finite everywhere.")
+        raise ParameterError(path, f"the function gives {values[first]} at {coordinate} = {at[first]:.6g}; it must be finite everywhere.")
     return at, values

@@ -39,13 +39,17 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """A named, sourced set of values for one model: tables as they would stand in a scene file."""
+    """A named, sourced set of values for one model: tables as they would stand in a scene file.
+
+    `solver` is for presets that reproduce a published computation, steps and all; most leave it empty.
+    """
 
     title: str
     parameters: Mapping[str, Any]
     initial: Mapping[str, Any]
     scales: Mapping[str, Any] | None
     source: str
+    solver: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

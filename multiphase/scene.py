@@ -434,6 +434,7 @@ def _fill_from_preset(tables: dict[str, Any], model: Model) -> str | None:
     preset = model.presets[name]
     tables["parameters"] = {**preset.parameters, **given}
     tables["initial"] = {**preset.initial, **tables.get("initial", {})}
+    tables["solver"] = {**preset.solver, **tables.get("solver", {})}
     if preset.scales:
         scales: dict[str, Any] = {key: dict(value) for key, value in preset.scales.items()}
         for key, value in tables.get("scales", {}).items():

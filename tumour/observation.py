@@ -1,0 +1,137 @@
+"""What is stored of a state of the tumour, elastic or viscous: fields at the cells, radii, sizes and balances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from tumour import laws as law
+from tumour import radial
+
+Array = NDArray[np.float64]
+
+GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
+ELASTIC_FIELDS = ("alpha", "C", "p", "displacement", "J", "stress_magnitude")
+SIZES = {1: "thickness", 2: "area", 3: "volume"}
+
+
+def scalar_names(m: int) -> tuple[str, ...]:
+    """Names of the scalars of a body of dimension m, in the order in which they are filled."""
+    return (
+        "radius", SIZES[m], "cell_mass", "growth_rate", "doubling_time", "C_min", "necrotic_fraction", "necrotic_radius", "hypoxic_radius",
+        "rim_width", "defect_cells", "defect_volume",
+    )  # fmt: skip
+
+
+def cell_averages(function: Callable[..., Array], faces: Array, m: int) -> Array:
+    """Averages over the cells of the body at rest of a function of r and xi = r/radius, by Gauss's rule of three points."""
+    half = 0.5 * np.diff(faces)[:, None]
+    r = 0.5 * (faces[1:] + faces[:-1])[:, None] + half * GAUSS_POINTS
+    values = np.asarray(function(r=r.ravel(), xi=r.ravel() / faces[-1]), dtype=float).reshape(r.shape)
+    weights = GAUSS_WEIGHTS * r ** (m - 1)
+    averages: Array = np.sum(weights * values, axis=1) / np.sum(weights, axis=1)
+    return averages
+
+
+@njit(error_model="numpy")
+def radius_below(level: float, R: float, C_out: float, rho: Any, C: Any) -> float:
+    """Radius within which oxygen is below a level: 0 if it nowhere is, R if it is at the surface. C is taken as linear in r^2 between
+    the points `rho` and out to the surface, and in from the first one, so it is of second order at the centre, too."""
+    outer, C_outer = R, C_out
+    if C_outer < level:
+        return R
+    for i in range(len(rho) - 1, -1, -1):
+        if C[i] < level:
+            share = (level - C[i]) / (C_outer - C[i])
+            return np.sqrt(rho[i] * rho[i] + share * (outer * outer - rho[i] * rho[i]))
+        outer, C_outer = rho[i], C[i]
+    slope = (C[1] - C[0]) / (rho[1] * rho[1] - rho[0] * rho[0])
+    if not slope > 0.0:
+        return 0.0
+    square = rho[0] * rho[0] + (level - C[0]) / slope
+    return np.sqrt(square) if square > 0.0 else 0.0
+
+
+@njit(error_model="numpy")
+def fill_scalars(m: int, unit: float, levels: Any, C_out: float, R: float, rate: float, cells: float, rho: Any, C: Any, scalars: Any) -> None:
+    """All scalars but the two defects, of a body of radius R that grows with `rate` and holds `cells` per unit of r^m/m."""
+    scalars[0] = R
+    scalars[1] = unit * R * law.volume_ratio(1.0, R, m) if m > 1 else unit * R
+    scalars[2] = unit * m * cells
+    scalars[3] = rate
+    scalars[4] = np.log(2.0) * R / (m * rate) if rate > 0.0 else np.nan
+    scalars[5] = min(C.min(), C_out)
+    necrotic = radius_below(levels[0], R, C_out, rho, C)
+    scalars[6] = law.volume_ratio(necrotic / R, necrotic / R, m)
+    scalars[7] = necrotic
+    scalars[8] = radius_below(levels[1], R, C_out, rho, C)
+    scalars[9] = R - necrotic
+
+
+@njit(error_model="numpy")
+def elastic_growth(d: radial.Data, t: float, y: Any, out: Any, work: Any) -> float:
+    """Rate of the surface's radius. `out` receives the rates; for kappa = 0 the equilibrium is differentiated in time."""
+    N = d.cells
+    radial.rates(d, t, y, out, work)
+    area = radial.area_of(radial.radius_of(y[3 * N - 1], d.m), d.m)
+    if d.kappa > 0.0:
+        return out[3 * N - 1] / area
+    jac, q_rows = np.zeros((3 * N, 2 * radial.HALF + 1)), np.zeros((radial.INTEGRALS, 3 * N))
+    empty = np.zeros((0, 3 * N))
+    radial.tangent(d, t, y, out, jac, empty, empty, np.zeros((0, 0)), q_rows, np.zeros((radial.INTEGRALS, 0)), work, out)
+    moved, change = np.zeros(y.size), np.zeros(y.size)
+    for row in range(3 * N):
+        for k in range(max(row - radial.HALF, 0), min(row + radial.HALF, 3 * N - 1) + 1):
+            if k % 3 == 0 and row % 3 > 0:
+                moved[row] += jac[row, k - row + radial.HALF] * out[k]
+    if not radial._algebraic_change(d, moved, jac, change):
+        return np.nan
+    return change[3 * N - 1] / area
+
+
+@njit(error_model="numpy")
+def record(d: radial.Data, t: float, y: Any, start: Any, fields: Any, scalars: Any) -> None:
+    """What is stored of the elastic tumour; see `multiphase.lines`.
+
+    Parameters
+    ----------
+    start : (3,) array
+        Cells per V and v of the surface at the start, and the size of the scene's body per r^m.
+    fields : (7, N) array
+        Filled with `ELASTIC_FIELDS`, then the positions of the cells' middles.
+    scalars : (12,) array
+        Filled in the order of `scalar_names`.
+    """
+    N, m = d.cells, d.m
+    work, out = np.empty((radial.WORK_ROWS, N + 1)), np.empty(y.size)
+    rate = elastic_growth(d, t, y, out, work)
+    radial._prepare(d, y, work, False)
+    h = d.R[1]
+    p, J = 0.0, 0.0
+    cells = volume = 0.0
+    for i in range(N - 1, -1, -1):
+        p = d.p_out - radial.pressure_step(d, work, N) if i == N - 1 else p - radial.pressure_step(d, work, i + 1)
+        J = work[radial._J, i]
+        r_m, r_p = work[radial._RADIUS, i], work[radial._RADIUS, i + 1]
+        l_r = (r_p - r_m) / h
+        l_t = radial.hoop_stretch(r_m, r_p, d.R[i], d.R[i + 1], m)[0]
+        P_r, P_t = law.elastic_stress(l_r, l_t, m, d.mu, d.lam)
+        T = p + work[radial._CONTACT, i]
+        P_r, P_t = P_r - T * J / l_r, P_t - T * J / l_t
+        fields[0, i], fields[1, i], fields[2, i] = work[radial._ALPHA, i], y[3 * i + 1], p
+        fields[3, i] = work[radial._RHO, i] - 0.5 * (d.R[i] + d.R[i + 1])
+        fields[4, i], fields[5, i] = J, np.sqrt(P_r * P_r + (m - 1) * P_t * P_t)
+        fields[6, i] = work[radial._RHO, i]
+        cells += y[3 * i] * (d.V[i + 1] - d.V[i])
+        volume += J * (d.V[i + 1] - d.V[i])
+    fill_scalars(m, start[2], (d.necrotic, d.hypoxic), d.C_out, work[radial._RADIUS, N], rate, cells, fields[6], fields[1], scalars)
+    born, grown = y[3 * N], y[3 * N + 1]
+    scalars[10] = (cells - start[0] - born) / max(cells, abs(born))
+    if d.kappa > 0.0:
+        scalars[11] = (y[3 * N - 1] - start[1] - grown) / max(y[3 * N - 1], abs(grown))
+    else:
+        scalars[11] = (volume - y[3 * N - 1]) / volume
