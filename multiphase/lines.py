@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 import numba
 import numpy as np
@@ -102,6 +102,8 @@ class Kernel:
         Where the functions are looked up, in this order.
     parts : modules
         Further modules whose functions are compiled into them.
+    **named : functions
+        Functions that go by another name there, and come first.
 
     Attributes
     ----------
@@ -109,8 +111,8 @@ class Kernel:
         What has been compiled, or loaded, so far.
     """
 
-    def __init__(self, *modules: ModuleType, parts: Sequence[ModuleType] = ()) -> None:
-        self._modules, self._parts = modules, parts
+    def __init__(self, *modules: ModuleType, parts: Sequence[ModuleType] = (), **named: Callable[..., Any]) -> None:
+        self._modules, self._parts, self._named = modules, parts, named
         self.entries: dict[str, Any] = {}
 
     @cached_property
@@ -143,6 +145,8 @@ class Kernel:
         return self.entries[name]
 
     def _plain(self, name: str) -> Callable[..., Any]:
+        if name in self._named:
+            return self._named[name]
         for module in self._modules:
             if hasattr(module, name):
                 found: Callable[..., Any] = getattr(module, name)
@@ -189,7 +193,7 @@ class SemiDiscrete:
     breaks: tuple[float, ...] = ()
     kinks: tuple[float, ...] = ()
     cells: int
-    bounds: Mapping[int, str]
+    bounds: ClassVar[Mapping[int, str]]
     """What a step broke that `admit` refuses, in words, by its number."""
 
     _initial: Array

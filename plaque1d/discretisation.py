@@ -11,9 +11,9 @@ V = dW/dt. The slab is the annulus with r = R_1 = 1 on every face and s = 0 belo
     F = v (n_L + n_R)/2 - s (n_R - n_L)/2,                    v = V - r c_f w - xi V,  c_f = (c_{f-1} + c_f)/2
     G = (1 - xi) V (l_{f-1} + l_f)/2 - max(r^2/(h W), |(1 - xi) V|/2) (l_f - l_{f-1})
 
-n_L, n_R come from slopes limited by monotonised central differences, but for smooth extrema (`_slope`); the inner cell takes the
-slope of the parabola with n_xi = 0 (or n = g) at the wall. The velocity takes c as the slip equation does: u_n is O(x) at the inner
-wall, so an O(h^2) mismatch there would be an O(h) error of dn/dt.
+n_L, n_R come from slopes limited by monotonised central differences, but for smooth extrema (`multiphase.transport`); the inner cell
+takes the slope of the parabola with n_xi = 0 (or n = g) at the wall. The velocity takes c as the slip equation does: u_n is O(x) at
+the inner wall, so an O(h^2) mismatch there would be an O(h) error of dn/dt.
 ``s = max(|v|, |v + r n w nu_m/nu|)`` damps the short waves of n, which do not travel with v.
 
 The slip rows are balances of force over the area between two cell centres, the difference of both momentum balances (3.8d,e) with the
@@ -40,6 +40,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from multiphase import transport
 from multiphase.banded import factor as _factor
 from multiphase.banded import solve as _solve
 from multiphase.compiled import compiled
@@ -51,9 +52,6 @@ BORDER = 2
 """W and V."""
 FLOOR = 1e-5
 """Floor of the fractions inside the slip equation; it changes w by a relative (FLOOR / fraction)^2."""
-
-SMOOTH = 20.0
-"""Differences of n between neighbours below SMOOTH h^2 are not limited: curvature up to some 40 in xi at an extremum is resolved."""
 
 INTEGRALS = 3
 """Integrals over time of W times the mean uptake, of the influx of modLDL, and of V."""
@@ -103,75 +101,22 @@ def influx(d: Data, t: float) -> float:
 
 
 @njit(error_model="numpy")
-def _limited(back: float, ahead: float) -> tuple[float, float, float]:
-    """Monotonised central difference, and its derivatives with respect to both differences."""
-    if back * ahead <= 0.0:
-        return 0.0, 0.0, 0.0
-    central = 0.5 * (back + ahead)
-    if abs(central) <= 2.0 * abs(back) and abs(central) <= 2.0 * abs(ahead):
-        return central, 0.5, 0.5
-    return (2.0 * back, 2.0, 0.0) if abs(back) <= abs(ahead) else (2.0 * ahead, 0.0, 2.0)
-
-
-@njit(error_model="numpy")
-def _slope(back: float, ahead: float, n: float, h: float) -> tuple[float, float, float, float]:
-    """Slope in a cell, and its derivatives with respect to n of the cell before, of the cell, and of the next.
-
-    Limited where the differences are large, or either phase is nearly absent; central where both differences are those of a smooth,
-    resolved profile, below SMOOTH h^2, so that an extremum which travels through the cells switches nothing; a smooth passage in
-    between. After Shu's modified limiters (Math. Comp. 49, 1987).
-    """
-    slope, d_back, d_ahead = _limited(back, ahead)
-    central, scale = 0.5 * (back + ahead), SMOOTH * h * h
-    largest = max(abs(back), abs(ahead))
-    if slope != central and largest < 2.0 * scale < min(n, 1.0 - n):
-        t = max(largest / scale - 1.0, 0.0)
-        weight, slant = 1.0 - t * t * (3.0 - 2.0 * t), -6.0 * t * (1.0 - t) * (central - slope) / scale
-        slope = weight * central + (1.0 - weight) * slope
-        d_back, d_ahead = weight * 0.5 + (1.0 - weight) * d_back, weight * 0.5 + (1.0 - weight) * d_ahead
-        if abs(back) >= abs(ahead):
-            d_back += slant if back >= 0.0 else -slant
-        else:
-            d_ahead += slant if ahead >= 0.0 else -slant
-    return slope, -d_back, d_back - d_ahead, d_ahead
-
-
-@njit(error_model="numpy")
-def _end_slope(slope: float, d_own: float, d_next: float, gain: float) -> tuple[float, float, float]:
-    """A slope of an end cell, and its derivatives with respect to that cell and the next, bounded so that an empty cell sends nothing
-    out: by 2n where the face takes more n than the cell has, by 2(1 - n) where it takes more c. `gain` is the n of the cell where the
-    face takes more n, or minus its c where it takes less."""
-    if abs(slope) <= 2.0 * abs(gain):
-        return slope, d_own, d_next
-    sign = 1.0 if slope > 0.0 else -1.0
-    return sign * 2.0 * abs(gain), sign * 2.0 * (1.0 if gain >= 0.0 else -1.0), 0.0
-
-
-@njit(error_model="numpy")
 def _inner_slope(d: Data, n_0: float, n_1: float) -> tuple[float, float, float]:
     """Slope in the cell at the endothelium and its derivatives with respect to n_0 and n_1: the parabola with n_x = 0 at the wall, or
     through the given value, limited."""
-    ahead = n_1 - n_0
-    slope, own, other = 0.5 * ahead, -0.5, 0.5
-    if not np.isnan(d.n_wall):
-        inner = 2.0 * (n_0 - d.n_wall)
-        parabola = 1.25 * n_0 - 1.5 * d.n_wall + 0.25 * n_1
-        if inner * ahead <= 0.0:
-            slope, own, other = 0.0, 0.0, 0.0
-        elif abs(parabola) <= 2.0 * abs(inner) and abs(parabola) <= 2.0 * abs(ahead):
-            slope, own, other = parabola, 1.25, 0.25
-        elif abs(inner) <= abs(ahead):
-            slope, own, other = 2.0 * inner, 4.0, 0.0
-        else:
-            slope, own, other = 2.0 * ahead, -2.0, 2.0
-    return _end_slope(slope, own, other, n_0 if slope > 0.0 else n_0 - 1.0)
-
-
-@njit(error_model="numpy")
-def _outer_slope(n_last: float, n_before: float) -> tuple[float, float, float]:
-    """Slope in the last cell, where no condition holds, and its derivatives with respect to that cell and the one before."""
-    slope = n_last - n_before
-    return _end_slope(slope, 1.0, -1.0, n_last if slope < 0.0 else n_last - 1.0)
+    if np.isnan(d.n_wall):
+        return transport.symmetric_slope(n_0, n_1)
+    inner, ahead = 2.0 * (n_0 - d.n_wall), n_1 - n_0
+    parabola = 1.25 * n_0 - 1.5 * d.n_wall + 0.25 * n_1
+    if inner * ahead <= 0.0:
+        slope, own, other = 0.0, 0.0, 0.0
+    elif abs(parabola) <= 2.0 * abs(inner) and abs(parabola) <= 2.0 * abs(ahead):
+        slope, own, other = parabola, 1.25, 0.25
+    elif abs(inner) <= abs(ahead):
+        slope, own, other = 2.0 * inner, 4.0, 0.0
+    else:
+        slope, own, other = 2.0 * ahead, -2.0, 2.0
+    return transport.end_slope(slope, own, other, n_0 if slope > 0.0 else n_0 - 1.0)
 
 
 @njit(error_model="numpy")
@@ -209,8 +154,8 @@ def _prepare(d: Data, y: Array, work: Array) -> None:
         work[_NC, i], work[_CC, i] = law.floored(n[i], d.floor), law.floored(1.0 - n[i], d.floor)
     work[_SLOPE, 0] = _inner_slope(d, n[0], n[1])[0]
     for i in range(1, N - 1):
-        work[_SLOPE, i] = _slope(n[i] - n[i - 1], n[i + 1] - n[i], n[i], 1.0 / N)[0]
-    work[_SLOPE, N - 1] = _outer_slope(n[N - 1], n[N - 2])[0]
+        work[_SLOPE, i] = transport.slope(n[i] - n[i - 1], n[i + 1] - n[i], n[i], 1.0 / N)[0]
+    work[_SLOPE, N - 1] = transport.open_slope(n[N - 1], n[N - 2])[0]
     face[0], face[N] = n[0] if np.isnan(d.n_wall) else d.n_wall, n[N - 1]
     for f in range(1, N):
         face[f] = 0.5 * (n[f - 1] + n[f])
@@ -490,10 +435,10 @@ def _transport_tangent(d: Data, y: Array, jac: Array, work: Array) -> None:
             _, here, ahead = _inner_slope(d, n[0], n[1])
             work[_BACK, 0], work[_HERE, 0], work[_AHEAD, 0] = 0.0, here, ahead
         elif i == N - 1:
-            _, here, back = _outer_slope(n[i], n[i - 1])
+            _, here, back = transport.open_slope(n[i], n[i - 1])
             work[_BACK, i], work[_HERE, i], work[_AHEAD, i] = back, here, 0.0
         else:
-            _, back, here, ahead = _slope(n[i] - n[i - 1], n[i + 1] - n[i], n[i], h)
+            _, back, here, ahead = transport.slope(n[i] - n[i - 1], n[i + 1] - n[i], n[i], h)
             work[_BACK, i], work[_HERE, i], work[_AHEAD, i] = back, here, ahead
     nu_n, nu_m = law.viscosity(d.mu_n, d.lambda_n), law.viscosity(d.mu_m, d.lambda_m)
     for f in range(1, N):

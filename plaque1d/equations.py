@@ -133,16 +133,6 @@ def interfacial_diffusivity(n: Array, stress: Array) -> Array:
     return n * stress
 
 
-def floored(x: Array, delta: float) -> Array:
-    """``(x + sqrt(x^2 + 4 delta^2)) / 2``: a smooth, positive stand-in for x that differs from it by delta^2/x."""
-    return 0.5 * (x + np.sqrt(x * x + 4.0 * delta * delta))
-
-
-def floored_slope(x: Array, delta: float) -> Array:
-    """Derivative of `floored`."""
-    return 0.5 * (1.0 + x / np.sqrt(x * x + 4.0 * delta * delta))
-
-
 def dispersion_matrix(
     q: float,
     n: float,

@@ -22,25 +22,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import splu
 
 from multiphase.errors import ParameterError
-from multiphase.stepping import Snapshot, Solved, StepFailure
+from multiphase.fipy_newton import Assembled, Places, import_fipy, without_rounding
+from multiphase.stepping import Snapshot
+from multiphase.transport import floored
 from plaque1d import discretisation as fv
 from plaque1d import equations as eq
 from plaque1d.extensions import Extension, ExtraTerms
-from plaque1d.fipy_terms import Layout, NecroticTransport, Scatter, import_fipy, without_rounding
+from plaque1d.fipy_terms import Layout, NecroticTransport, scatter
 from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
 from plaque1d.semidiscrete import SemiDiscrete
 
 Array = NDArray[np.float64]
 
-NEWTON_ITERATIONS = 12
-NEWTON_TOLERANCE = 3e-3
-"""Size of the error left by the iteration, as a fraction of the tolerated local error."""
 
-
-class FipyScheme(SemiDiscrete):
+class FipyScheme(SemiDiscrete, Assembled):
     """One implicit step of the plaque, assembled by FiPy. See the module's description.
 
     Its vector is that of `SemiDiscrete`, then the products W s of the species, then the integrals over time of what is added to n
@@ -77,18 +74,10 @@ class FipyScheme(SemiDiscrete):
         super().__init__(parameters, initial, geometry, cells, rtol)
         self._build(import_fipy(), extra_terms)
         self.layout = Layout(cells, len(self.extension.species))
-        self._scatter = Scatter(cells)
+        self._scatter = scatter(cells)
         self._species_scales = self.extension.scales(initial.L)
         self._faces = np.zeros((4, cells + 1))
         self._slip_row = np.ones(cells - 1)
-
-    def prepare(self) -> None:
-        """Import, compile or load what a run needs: one residual and its tangent."""
-        super().prepare()
-        u = self.initial()
-        self.residual(0.0, 1.0, u, self.fractions(u))
-        self.error_norm(u, u)
-        self.kernel["admit"](self._constants, u[: self._base].copy(), self.work.model)
 
     def initial(self) -> Array:
         """Initial vector, its algebraic part consistent."""
@@ -175,8 +164,8 @@ class FipyScheme(SemiDiscrete):
         lower[0] = upper[-1] = 0.0
         if p.momentum == "drag" and (p.nu_n > 0.0 or p.nu_m > 0.0):
             fraction = 0.5 * (n[:-1] + n[1:])
-            floored = eq.floored(fraction, self._constants.floor), eq.floored(1.0 - fraction, self._constants.floor)
-            self._slip_row = p.nu_m * floored[0] + p.nu_n * floored[1]
+            floored_n, floored_c = (floored(part, self._constants.floor) for part in (fraction, 1.0 - fraction))
+            self._slip_row = p.nu_m * floored_n + p.nu_n * floored_c
         lower, diagonal, upper = lower * self._slip_row, diagonal * self._slip_row, upper * self._slip_row
         load = lower * np.append(0.0, w[:-1]) + diagonal * w + upper * np.append(w[1:], 0.0) - self._slip_row * self.work.f_0[rows]
         between = np.zeros(N)
@@ -225,52 +214,15 @@ class FipyScheme(SemiDiscrete):
             matrix.resize((lay.unknowns, lay.unknowns))
         return matrix + self.extension.tangent if self.extension.implicit else matrix
 
-    def solve(self, t: float, alpha: float, past: Array, guess: Array) -> Solved:
-        """Newton's method from the predicted vector; see `multiphase.stepping.Scheme`."""
-        size = self.size
-        if guess[size] <= 0.0:
-            raise StepFailure(f"the predicted size of the wall is {guess[size]:.3g}")
-        u = guess.copy()
-        x = self.fractions(u)
-        last = moved = 0.0
-        for iteration in range(1, NEWTON_ITERATIONS + 1):
-            r = self.residual(t, alpha, past, x)
-            matrix = self.tangent(t, alpha, past, x, fresh=iteration == 1)
-            try:
-                change = splu(matrix).solve(-r)
-            except RuntimeError as error:
-                raise StepFailure(f"the tangent of the step is singular ({error})") from error
-            if not np.all(np.isfinite(change)):
-                raise StepFailure("Newton's method gave values that are not finite")
-            step = self._step(x, change)
-            sources = self._sources(t, x, change)
-            u += step
-            if u[size] <= 0.0:
-                raise StepFailure(f"Newton's method gave a wall of size {u[size]:.3g}")
-            moved = self.error_norm(step, u)
-            x = self.fractions(u)
-            rate = moved / last if last > 0.0 else 1.0
-            if moved * min(1.0, rate) <= NEWTON_TOLERANCE:
-                integrals = np.append(np.arange(size + fv.BORDER, self._base), [-2, -1])
-                u[integrals] = past[integrals] + sources / alpha
-                broken = self.kernel["admit"](self._constants, u[: self._base], self.work.model)
-                if broken:
-                    raise StepFailure(self.out_of_bounds(broken))
-                return Solved(u, iteration)
-            if iteration > 2 and rate > 2.0:
-                raise StepFailure(f"Newton's method diverges: update {moved:.3g} after {last:.3g} (in units of the tolerance)")
-            last = moved
-        raise StepFailure(f"Newton's method did not converge in {NEWTON_ITERATIONS} iterations: last update {moved:.3g} of the tolerance")
-
     @property
-    def _base(self) -> int:
-        """Length of what the vector shares with the other schemes."""
-        return self.size + fv.BORDER + fv.INTEGRALS
+    def integrals(self) -> Places:
+        """Where the integrals over time stand, those of what is added to n and l at the end."""
+        return np.append(super().integrals, [-2, -1])
 
     @property
     def _species(self) -> slice:
         """Where the products of the species stand."""
-        return slice(self._base, self._base + self.grid.cells * self.layout.species)
+        return slice(self.base, self.base + self.grid.cells * self.layout.species)
 
     def fractions(self, u: Array) -> Array:
         """Newton vector of the loop's vector."""
@@ -284,19 +236,19 @@ class FipyScheme(SemiDiscrete):
     def _vector(self, x: Array) -> Array:
         """The part of the loop's vector that the discretisation knows, of a Newton vector."""
         lay = self.layout
-        y = np.zeros(self._base)
+        y = np.zeros(self.base)
         y[self.n], y[self.l], y[self.w] = x[lay.W] * x[lay.n], x[lay.W] * x[lay.l], x[lay.w]
         y[self.size], y[self.size + 1] = x[lay.W], x[lay.V]
         return y
 
-    def _step(self, x: Array, change: Array) -> Array:
-        """Change of the loop's vector, its products linearised as the step is; the integrals are left out."""
+    def linearised(self, t: float, x: Array, change: Array) -> tuple[Array, Array]:
+        """Change of the loop's vector without its integrals, and their integrands: uptake, influx, V, and what is added to n and l."""
         lay, W, dW = self.layout, float(x[self.layout.W]), float(change[self.layout.W])
-        step = np.zeros(self._base + self.grid.cells * lay.species + 2)
+        step = np.zeros(self.base + self.grid.cells * lay.species + 2)
         step[self.n], step[self.l] = W * change[lay.n] + x[lay.n] * dW, W * change[lay.l] + x[lay.l] * dW
         step[self.w], step[self.size], step[self.size + 1] = change[lay.w], dW, change[lay.V]
         step[self._species] = W * change[lay.base :] + x[lay.base :] * dW
-        return step
+        return step, self._sources(t, x, change)
 
     def _sources(self, t: float, x: Array, change: Array) -> Array:
         """Integrands of this step, linearised as the step was: uptake, influx, V, and what is added to n and l."""
@@ -312,10 +264,10 @@ class FipyScheme(SemiDiscrete):
 
     def error_norm(self, error: Array, u: Array) -> float:
         """That of `SemiDiscrete`, and the root mean square error of each species over its scale."""
-        sizes = [super().error_norm(error[: self._base], u[: self._base])]
+        sizes = [super().error_norm(error[: self.base], u[: self.base])]
         W, error_W = float(u[self.size]), float(error[self.size])
         for i, scale in enumerate(self._species_scales):
-            part = slice(self._base + i * self.grid.cells, self._base + (i + 1) * self.grid.cells)
+            part = slice(self.base + i * self.grid.cells, self.base + (i + 1) * self.grid.cells)
             value = u[part] / W
             change = (error[part] - value * error_W) / W
             scale = max(float(np.max(np.abs(value))), 1e-3 * float(scale))
@@ -324,10 +276,10 @@ class FipyScheme(SemiDiscrete):
 
     def consistent(self, t: float, u: Array) -> Array:
         """`u` with V from the wall balance and w from the slip equation just after time `t`."""
-        return np.concatenate([super().consistent(t, u[: self._base]), u[self._base :]])
+        return np.concatenate([super().consistent(t, u[: self.base]), u[self.base :]])
 
     def observe(self, t: float, u: Array) -> Snapshot:
         """Fields at cell centres, species among them, and scalars of the contract."""
         species = {name: u[self._species][i * self.grid.cells : (i + 1) * self.grid.cells] / u[self.size]
                    for i, name in enumerate(self.extension.species)}  # fmt: skip
-        return self.snapshot(t, u[: self._base], species, (float(u[-2]), float(u[-1])))
+        return self.snapshot(t, u[: self.base], species, (float(u[-2]), float(u[-1])))

@@ -1,32 +1,16 @@
-"""Pieces of the FiPy scheme that stand on their own: FiPy itself, its order of the unknowns, transport on the moving grid, and sums free
-of rounding."""
+"""Pieces of the FiPy scheme that stand on their own: its order of the unknowns, and transport on the moving grid."""
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
+
+from multiphase.fipy_newton import Scatter
 
 Array = NDArray[np.float64]
-
-
-def import_fipy() -> Any:
-    """FiPy with its SciPy solvers; it reads the command line and the environment as it is imported."""
-    if "fipy" not in sys.modules:
-        arguments, sys.argv = sys.argv, sys.argv[:1]
-        os.environ.setdefault("FIPY_SOLVERS", "scipy")
-        try:
-            import fipy
-        finally:
-            sys.argv = arguments
-    import fipy
-
-    return fipy
 
 
 @dataclass(frozen=True)
@@ -71,66 +55,12 @@ class Layout:
         return self.base + self.species * self.cells
 
 
-class Scatter:
-    """Turns the tangent of `plaque1d.discretisation`, three unknowns a cell, into that of FiPy's residual in the order of `Layout`.
-
-    Parameters
-    ----------
-    cells : int
-    """
-
-    def __init__(self, cells: int) -> None:
-        self.layout = layout = Layout(cells)
-        size, half = 3 * cells, 6
-        width = 2 * half + 1
-        place = np.array([layout.n.start, layout.l.start, layout.w.start])[np.arange(size) % 3] + np.arange(size) // 3
-        column = np.repeat(np.arange(size), width) + np.tile(np.arange(width) - half, size)
-        self._inside = np.flatnonzero((column >= 0) & (column < size - 1) & (np.repeat(np.arange(size), width) < size - 1))
-        row = np.repeat(np.arange(size), width)[self._inside]
-        self._place = place[:-1]  # the slip at the outer wall is no unknown
-        self._row, self._column = place[row], place[column[self._inside]]
-        every, scalars = np.arange(layout.base), np.array([layout.W, layout.V])
-        rows = [self._row, self._place, self._place, np.full(size - 1, layout.W), np.full(size - 1, layout.V), np.repeat(scalars, 2)]
-        columns = [self._column, np.full(size - 1, layout.W), np.full(size - 1, layout.V), self._place, self._place, np.tile(scalars, 2)]
-        cells_n_l = every[: layout.w.start]
-        entries = np.concatenate([*columns, every, np.full(len(cells_n_l), layout.W)]) * layout.base
-        entries += np.concatenate([*rows, every, cells_n_l])
-        places, self._slot = np.unique(entries, return_inverse=True)
-        self._indices = places % layout.base
-        self._starts = np.searchsorted(places, np.arange(layout.base + 1) * layout.base)
-
-    def matrix(self, work: Any, balance: Array, scale: Array, x: Array) -> csc_matrix:
-        """Derivative of ``balance y + scale rates(y)`` with respect to (n, l, w, W, V), where y = (W n, W l, w, W, V).
-
-        Parameters
-        ----------
-        work : multiphase.radau.Work
-            Holds the tangent of the rates.
-        balance, scale : (3 N + 1,) array
-        x : array
-            The state, (n, l, w, W, V, ...).
-        """
-        layout = self.layout
-        products = layout.w.start
-        inner = np.zeros(layout.base)  # dy/dW through n and l
-        inner[:products] = x[:products]
-        unit = np.ones(layout.base)
-        unit[:products] = x[layout.W]
-        band = scale[self._row] * work.jac.ravel()[self._inside]
-        through = np.bincount(self._row, weights=band * inner[self._column], minlength=layout.base)
-        place = self._place
-        rows = work.rows[:, :-1]
-        corner = work.corner.copy()
-        corner[:, 0] += rows @ inner[place]
-        border = scale[[layout.W, layout.V]]
-        values = np.concatenate([
-            band * unit[self._column],
-            scale[place] * work.columns[0, :-1] + through[place], scale[place] * work.columns[1, :-1],
-            border[0] * rows[0] * unit[place], border[1] * rows[1] * unit[place], (border[:, None] * corner).ravel(),
-            balance * unit, (balance * inner)[:products],
-        ])  # fmt: skip
-        data = np.bincount(self._slot, weights=values)
-        return csc_matrix((data, self._indices, self._starts), shape=(layout.base, layout.base))
+def scatter(cells: int) -> Scatter:
+    """What turns the tangent of `plaque1d.discretisation`, three unknowns a cell, into that of FiPy's residual in the order of `Layout`."""
+    layout, unknown = Layout(cells), np.arange(3 * cells)
+    place = np.array([layout.n.start, layout.l.start, layout.w.start])[unknown % 3] + unknown // 3
+    place[-1] = -1  # the slip at the outer wall is no unknown
+    return Scatter(place, half=6, border=2, products=slice(layout.w.start))
 
 
 class NecroticTransport:
@@ -162,15 +92,3 @@ class NecroticTransport:
         upwind[1:-1] = np.maximum(inner[1:-1], 0.0) * n[:-1] + np.minimum(inner[1:-1], 0.0) * n[1:]
         self._velocity.setValue(inner[None, :])
         self._correction.setValue((flux - upwind)[None, :])
-
-
-def without_rounding(residual: Array, total: float, size: float) -> Array:
-    """`residual` shifted evenly so that it adds up to `total`, as its fluxes do in exact arithmetic.
-
-    FiPy's rows are differences of terms of order `size`, so the fluxes of thin cells leave rounding that would add up over a run. More
-    than rounding is not touched.
-    """
-    defect = total - float(np.sum(residual))
-    if abs(defect) > 1e3 * np.finfo(float).eps * len(residual) * size:
-        return residual
-    return residual + defect / len(residual)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from multiphase.compiled import compiled
 from multiphase.geometry import relative_velocity as _relative_velocity
+from multiphase.transport import floored as _floored
+from multiphase.transport import floored_slope as _floored_slope
 from plaque1d import equations as eq
 
 extra_stress = compiled(eq.extra_stress)
 extra_stress_slope = compiled(eq.extra_stress_slope)
 uptake = compiled(eq.uptake)
-floored = compiled(eq.floored)
-floored_slope = compiled(eq.floored_slope)
+floored = compiled(_floored)
+floored_slope = compiled(_floored_slope)
 viscosity = compiled(eq.viscosity)
 mean_viscosity = compiled(eq.mean_viscosity)
 wall_concentration = compiled(eq.wall_concentration)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multiphase import geometry, lines, radau
+from multiphase import geometry, lines, radau, transport
 from multiphase.geometry import MovingGrid
 from multiphase.lines import Kernel
 from multiphase.stepping import Snapshot
@@ -20,7 +20,7 @@ from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
 
 Array = NDArray[np.float64]
 
-KERNEL = Kernel(fv, observation, parts=(laws, eq, geometry))
+KERNEL = Kernel(fv, observation, parts=(laws, eq, geometry, transport))
 """The compiled discretisation, which the schemes of the plaque share."""
 
 _BOUNDS = {

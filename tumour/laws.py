@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from multiphase.compiled import compiled
+from multiphase.transport import floored as _floored
+from multiphase.transport import floored_slope as _floored_slope
 from tumour import equations as eq
 
 contact_switch = compiled(eq.contact_switch)
@@ -28,3 +30,5 @@ elastic_stress_slopes = compiled(eq.elastic_stress_slopes, volume_ratio=volume_r
 viscous_stress = compiled(eq.viscous_stress)
 viscous_stress_slopes = compiled(eq.viscous_stress_slopes)
 free_expansion_rate = compiled(eq.free_expansion_rate)
+floored = compiled(_floored)
+floored_slope = compiled(_floored_slope)

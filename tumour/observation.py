@@ -9,13 +9,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from tumour import eulerian, radial
 from tumour import laws as law
-from tumour import radial
 
 Array = NDArray[np.float64]
 
 GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 ELASTIC_FIELDS = ("alpha", "C", "p", "displacement", "J", "stress_magnitude")
+VISCOUS_FIELDS = ("alpha", "C", "p", "u", "stress_magnitude")
 SIZES = {1: "thickness", 2: "area", 3: "volume"}
 
 
@@ -57,7 +58,9 @@ def radius_below(level: float, R: float, C_out: float, rho: Any, C: Any) -> floa
 
 
 @njit(error_model="numpy")
-def fill_scalars(m: int, unit: float, levels: Any, C_out: float, R: float, rate: float, cells: float, rho: Any, C: Any, scalars: Any) -> None:
+def fill_scalars(
+    m: int, unit: float, levels: Any, C_out: float, R: float, rate: float, cells: float, rho: Any, C: Any, scalars: Any
+) -> None:
     """All scalars but the two defects, of a body of radius R that grows with `rate` and holds `cells` per unit of r^m/m."""
     scalars[0] = R
     scalars[1] = unit * R * law.volume_ratio(1.0, R, m) if m > 1 else unit * R
@@ -94,7 +97,7 @@ def elastic_growth(d: radial.Data, t: float, y: Any, out: Any, work: Any) -> flo
 
 
 @njit(error_model="numpy")
-def record(d: radial.Data, t: float, y: Any, start: Any, fields: Any, scalars: Any) -> None:
+def record_elastic(d: radial.Data, t: float, y: Any, start: Any, fields: Any, scalars: Any) -> None:
     """What is stored of the elastic tumour; see `multiphase.lines`.
 
     Parameters
@@ -135,3 +138,41 @@ def record(d: radial.Data, t: float, y: Any, start: Any, fields: Any, scalars: A
         scalars[11] = (y[3 * N - 1] - start[1] - grown) / max(y[3 * N - 1], abs(grown))
     else:
         scalars[11] = (volume - y[3 * N - 1]) / volume
+
+
+@njit(error_model="numpy")
+def record_viscous(d: eulerian.Data, t: float, y: Any, start: Any, fields: Any, scalars: Any) -> None:
+    """What is stored of the viscous tumour; see `multiphase.lines`.
+
+    Parameters
+    ----------
+    start : (3,) array
+        Cells and W at the start, and the size of the scene's body per r^m.
+    fields : (6, N) array
+        Filled with `VISCOUS_FIELDS`, then the positions of the cells' middles.
+    scalars : (12,) array
+        Filled in the order of `scalar_names`.
+    """
+    N, m = d.cells, d.m
+    work = np.empty((eulerian.WORK_ROWS, N + 1))
+    eulerian.bounded(d, y)
+    eulerian._prepare(d, y, work)
+    W = y[3 * N]
+    R = work[eulerian._RADIUS, N]
+    p, cells = d.p_out, 0.0
+    for i in range(N - 1, -1, -1):
+        p -= eulerian.pressure_step(d, y, work, i + 1)
+        r_m, r_p = work[eulerian._RADIUS, i], work[eulerian._RADIUS, i + 1]
+        u_m, u_p = eulerian._velocity(y, i), eulerian._velocity(y, i + 1)
+        _, by_m, by_p, _, _, _ = radial.hoop_stretch(r_m, r_p, r_m, r_p, m)
+        alpha = work[eulerian._ALPHA, i]
+        s_r, s_t = law.viscous_stress(alpha, (u_p - u_m) / (r_p - r_m), by_m * u_m + by_p * u_p, m, d.mu, d.lam)
+        T = p + work[eulerian._CONTACT, i]
+        fields[0, i], fields[1, i], fields[2, i], fields[3, i] = alpha, y[3 * i + 1], p, 0.5 * (u_m + u_p)
+        fields[4, i] = np.sqrt((s_r - T) * (s_r - T) + (m - 1) * (s_t - T) * (s_t - T))
+        fields[5, i] = 0.5 * (r_m + r_p)
+        cells += y[3 * i] * (d.s[i + 1] - d.s[i])
+    fill_scalars(m, start[2], (d.necrotic, d.hypoxic), d.C_out, R, y[3 * N - 1], cells, fields[5], fields[1], scalars)
+    born, grown = y[3 * N + 2], y[3 * N + 3]
+    scalars[10] = (cells - start[0] - born) / max(cells, abs(born))
+    scalars[11] = (W - start[1] - grown) / max(W, abs(grown))

@@ -16,7 +16,7 @@ from multiphase.errors import ParameterError
 from multiphase.functions import PositionFunction
 from multiphase.model import Preset
 from multiphase.parameters import nearest, parameter, validate
-from tumour.equations import MOBILITIES, Number
+from tumour.equations import MOBILITIES, Number, critical_oxygen
 
 POSITIONS = 2001
 """Points of the initial state at which `check` looks."""
@@ -58,6 +58,9 @@ class TumourParameters:
         Oxygen at the surface.
     p_out : float
         Fluid pressure at the surface in excess of the load on it. The traction there is 0, so p_out is no gauge: it swells the body.
+    C_hypoxic, C_necrotic : float
+        Oxygen below which tissue counts as hypoxic, and as necrotic; "kinetic" is the oxygen C* at which cells at their natural fraction
+        no longer multiply. They are what is measured by, and change nothing in the solution.
     """
 
     mu_alpha: float = parameter(1.0, symbol="μ_α", low=0.0, low_open=True, source=_PAPER, doc="the shear modulus or viscosity mu_alpha")
@@ -85,6 +88,13 @@ class TumourParameters:
     Q1_hat: float = parameter(0.0, symbol="Q̂_1", low=0.0, source=_PAPER, doc="the saturation constant Q1_hat of the uptake")
     C_out: float = parameter(1.0, symbol="C_out", low=0.0, source=_PAPER, doc="the oxygen C_out at the surface")
     p_out: float = parameter(0.0, symbol="p_out", source=_PAPER, doc="the fluid pressure p_out at the surface")
+    C_hypoxic: float = parameter(
+        0.5, symbol="C_h", low=0.0, source="assumed", doc="the oxygen C_hypoxic below which tissue counts as hypoxic"
+    )
+    C_necrotic: Any = parameter(  # noqa: RUF009
+        "kinetic", symbol="C_n", kind="number", choices=("kinetic",), low=0.0, source="C* of the kinetics: 5/17 for the paper's",
+        doc="the oxygen C_necrotic below which tissue counts as necrotic",
+    )  # fmt: skip
 
     table: ClassVar[str] = "parameters"
 
@@ -115,6 +125,11 @@ class TumourParameters:
     def flow(self) -> tuple[float, int, float]:
         """What mobility and resistance need after alpha: kappa, the code of the law, the floor."""
         return self.kappa, MOBILITIES[self.mobility], self.mobility_floor
+
+    @property
+    def necrotic_level(self) -> float:
+        """Oxygen below which tissue counts as necrotic; NaN where the kinetics have none."""
+        return critical_oxygen(self.alpha_star, *self.kinetics) if isinstance(self.C_necrotic, str) else float(self.C_necrotic)
 
     @property
     def moduli(self) -> tuple[float, float]:

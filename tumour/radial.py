@@ -11,15 +11,15 @@ volume at rest), ``C_i``, and ``v_{i+1}`` on its outer face. With ``a = r^(m-1)`
 
     d phi_i/dt = J_i q(alpha_i, C_i)                                                                    (2.22b)
     d v_f/dt   = a_f Delta p_f / (zeta_f Delta rho_f),           zeta = 1/M, the mean of both cells     (2.22c)
-    0 = [a Delta C/Delta rho]_{i+1} - [a Delta C/Delta rho]_i - Delta v_i Q alpha_i C_i/(1 + Q1_hat C_i)  (2.22d)
+    0 = [a Delta C/Delta rho]_{i+1} - [a Delta C/Delta rho]_i - Delta v_i Q alpha_i C_i/(1 + Q1_hat C_i)   (2.22d)
 
-The momentum balance (2.22a) gives the pressure. Let ``F_f = dE/dr_f`` be the force that the elastic energy ``E = sum Delta V_i W(l_r, l_t)``
-exerts on face f, and T = p + alpha Sigma. The work of T in a change of r_f is ``(T_{f-1} - T_f) a_f``, so
+The momentum balance (2.22a) gives the pressure. Let ``F_f = dE/dr_f`` be the force that the elastic energy
+``E = sum Delta V_i W(l_r, l_t)`` exerts on face f, and T = p + alpha Sigma. The work of T in a change of r_f is ``(T_{f-1} - T_f) a_f``, so
 
     T_f - T_{f-1} = -F_f/a_f    inside,      T_{N-1} = F_N/a_N    at the surface, which is free of traction,
 
-hence ``Delta p_f = -F_f/a_f - Delta(alpha Sigma)`` inside, and ``p_out - p_{N-1} = p_out - F_N/a_N + (alpha Sigma)_{N-1}`` over the last half
-cell. At the centre v_0 = 0 and no flux passes. kappa = 0 (zeta = 0) makes the rows of v algebraic: Delta p_f = 0.
+hence ``Delta p_f = -F_f/a_f - Delta(alpha Sigma)`` inside, and ``p_out - p_{N-1} = p_out - F_N/a_N + (alpha Sigma)_{N-1}`` over the last
+half cell. At the centre v_0 = 0 and no flux passes. kappa = 0 (zeta = 0) makes the rows of v algebraic: Delta p_f = 0.
 
 Balances: the sum of ``phi_i Delta V_i`` changes by the sum of the sources only, and the volume by the flux through the surface only.
 The step of the paper's program, ``(J - J_old) alpha + (alpha - alpha_old) J`` for the change of alpha J in backward Euler, differs from
@@ -74,6 +74,7 @@ class Data(NamedTuple):
     C_out: float
     p_out: float
     rtol: float
+    kink_band: float
     hypoxic: float
     necrotic: float
     as_printed: bool
@@ -144,7 +145,8 @@ def _prepare(d: Data, y: Array, work: Array, slopes: bool) -> None:
         work[_ZETA, i] = law.resistance(alpha[i], d.kappa, d.law, d.floor)
     if slopes:
         for i in range(N):
-            work[_CONTACT_A, i] = law.contact_pressure_slope(alpha[i], d.gamma, d.alpha_star, d.alpha_min, d.sigma_width)
+            at = max(alpha[i], d.alpha_min) if alpha[i] > d.alpha_min - d.kink_band else alpha[i]
+            work[_CONTACT_A, i] = law.contact_pressure_slope(at, d.gamma, d.alpha_star, d.alpha_min, d.sigma_width)
             work[_ZETA_A, i] = law.resistance_slope(alpha[i], d.kappa, d.law, d.floor)
     for i in range(N):
         volume, l_r = d.V[i + 1] - d.V[i], (radius[i + 1] - radius[i]) / h
@@ -221,9 +223,11 @@ def tangent(
 ) -> None:  # fmt: skip
     """Derivatives of `rates` at `y`: ``jac[i, j - i + HALF]`` (3 cells, 2 HALF + 1), and those of the integrands, `q_rows` (2, 3 cells).
 
-    At the kink of the contact stress the derivative to the right. The border is empty.
+    At the kink of the contact stress the derivative to the right, and down to `Data.kink_band` below it: an iteration with one tangent
+    (`multiphase.radau`) diverges in stiff cells that it takes for slack and that are not, and merely slows down in the opposite case.
+    The border is empty.
     """
-    N, m = d.cells, d.m
+    N = d.cells
     _prepare(d, y, work, True)
     jac[:, :] = 0.0
     q_rows[:, :] = 0.0

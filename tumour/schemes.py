@@ -2,79 +2,100 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from multiphase import lines, radau
+from multiphase import lines, radau, transport
+from multiphase.geometry import MovingGrid
 from multiphase.lines import Kernel
 from tumour import equations as eq
-from tumour import laws, observation, radial
+from tumour import eulerian, laws, observation, radial
 from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
 
 Array = NDArray[np.float64]
 
-ELASTIC = Kernel(radial, observation, parts=(laws, eq))
+ELASTIC = Kernel(radial, parts=(observation, eulerian, laws, eq, transport), record=observation.record_elastic)
 """The compiled elastic discretisation."""
-
-_ELASTIC_BOUNDS = {
-    1: "a cell is turned inside out (J <= 0)",
-    2: "the cell fraction alpha leaves (0, 1)",
-    3: "oxygen falls below 0 by more than rtol",
-}
+VISCOUS = Kernel(eulerian, parts=(observation, radial, laws, eq, transport), record=observation.record_viscous)
+"""The compiled viscous discretisation."""
 
 
-class Elastic(lines.SemiDiscrete):
-    """The elastic tumour on cells that are equal in R: what its schemes share.
-
-    Their vectors are ``[alpha J, C, r^m/m on the outer face; cell by cell | integrals]``; see `tumour.radial`.
+class Radial(lines.SemiDiscrete):
+    """What the schemes of both rheologies share.
 
     Parameters
     ----------
     parameters, initial, geometry, solver : TumourParameters, TumourInitial, TumourGeometry, TumourSolver
     """
 
-    kernel = ELASTIC
-    fields = observation.ELASTIC_FIELDS
-    bounds = _ELASTIC_BOUNDS
+    constants: Any
 
     def __init__(self, parameters: TumourParameters, initial: TumourInitial, geometry: TumourGeometry, solver: TumourSolver) -> None:
         self.kernel.announce()
-        self.parameters, self.geometry, self.cells, self.rtol = parameters, geometry, solver.cells, solver.rtol
-        self.m, N = geometry.m, solver.cells
+        self.parameters, self.geometry, self.solver = parameters, geometry, solver
+        self.cells, self.m, self.rtol = solver.cells, geometry.m, solver.rtol
+        self.grid = MovingGrid(solver.cells)
         self.scalars = observation.scalar_names(self.m)
-        self.as_printed = solver.alpha_step == "as-printed"
-        R = geometry.radius * np.arange(N + 1) / N
-        V = R**self.m / self.m
-        p = parameters
-        self._data = radial.Data(
-            cells=N, m=self.m, R=R, V=V, mu=p.mu_alpha, lam=p.lambda_alpha, kappa=p.kappa, law=p.flow[1], floor=p.mobility_floor,
-            Q=p.Q, Q1_hat=p.Q1_hat, C_out=p.C_out, p_out=p.p_out, rtol=solver.rtol, necrotic=0.294, hypoxic=0.5,
-            as_printed=self.as_printed, rate=0.0, old=np.ones((2, N)),
-            **{name: float(getattr(p, name)) for name in ("gamma", "alpha_star", "alpha_min", "sigma_width", "s1", "s2", "s3", "s4")},
-        )  # fmt: skip
-        self.mass = np.tile([1.0, 0.0, 1.0 if p.kappa > 0.0 else 0.0], N)
+        self._build(initial)
+
+    def _build(self, initial: TumourInitial) -> None:
+        """Constants, work space and the initial vector."""
+        raise NotImplementedError
+
+    def _common(self) -> dict[str, Any]:
+        """Constants that both rheologies need."""
+        p = self.parameters
+        names = ("kappa", "gamma", "alpha_star", "alpha_min", "sigma_width", "s1", "s2", "s3", "s4", "Q", "Q1_hat", "C_out", "p_out")
+        return {name: float(getattr(p, name)) for name in names} | {
+            "cells": self.cells, "m": self.m, "mu": float(p.mu_alpha), "lam": float(p.lambda_alpha), "law": p.flow[1],
+            "floor": float(p.mobility_floor), "rtol": self.rtol, "necrotic": p.necrotic_level, "hypoxic": float(p.C_hypoxic),
+        }  # fmt: skip
+
+    def data(self, t: float) -> Any:
+        """Constants of the scene; nothing in them depends on time."""
+        return self.constants
+
+    def data_until(self, t: float) -> Any:
+        """Constants of the scene."""
+        return self.constants
+
+
+class Elastic(Radial):
+    """The elastic tumour on cells that are equal in R: what its schemes share.
+
+    Their vectors are ``[alpha J, C, r^m/m on the outer face; cell by cell | integrals]``; see `tumour.radial`.
+    """
+
+    kernel = ELASTIC
+    fields = observation.ELASTIC_FIELDS
+    bounds: ClassVar[Mapping[int, str]] = {
+        1: "a cell is turned inside out (J <= 0)",
+        2: "the cell fraction alpha leaves (0, 1)",
+        3: "oxygen falls below 0 by more than rtol",
+    }
+    kink_band = 0.0
+    """How far below alpha_min the tangent takes cells as in contact, in units of rtol."""
+
+    def _build(self, initial: TumourInitial) -> None:
+        N, m = self.cells, self.m
+        self.as_printed = self.solver.alpha_step == "as-printed"
+        R = self.geometry.radius * self.grid.faces
+        V = R**m / m
+        self.constants = radial.Data(
+            R=R, V=V, kink_band=self.kink_band * self.rtol, as_printed=self.as_printed, rate=0.0, old=np.ones((2, N)), **self._common()
+        )
+        self.mass = np.tile([1.0, 0.0, 1.0 if self.parameters.kappa > 0.0 else 0.0], N)
         model = np.zeros((radial.WORK_ROWS, N + 1))
         self.work = radau.workspace(radial.STRIDE * N, radial.HALF, radial.BORDER, radial.INTEGRALS, model)
-        self._initial = self._initial_vector(initial)
-
-    def _initial_vector(self, initial: TumourInitial) -> Array:
-        d, N = self._data, self.cells
-        alpha = observation.cell_averages(initial.alpha, d.R, self.m)
+        alpha = observation.cell_averages(initial.alpha, R, m)
         y = np.zeros(radial.STRIDE * N + radial.INTEGRALS)
-        y[0 : 3 * N : 3], y[1 : 3 * N : 3], y[2 : 3 * N : 3] = alpha, d.C_out, d.V[1:]
+        y[0 : 3 * N : 3], y[1 : 3 * N : 3], y[2 : 3 * N : 3] = alpha, self.constants.C_out, V[1:]
         y = self.consistent(0.0, y)
-        self.start = np.array([float(np.sum(alpha * np.diff(d.V))), y[3 * N - 1], self.geometry.unit_size])
-        return y
-
-    def data(self, t: float) -> radial.Data:
-        """Constants of the scene."""
-        return self._data
-
-    def data_until(self, t: float) -> radial.Data:
-        """Constants of the scene."""
-        return self._data
+        self.start = np.array([float(np.sum(alpha * np.diff(V))), y[3 * N - 1], self.geometry.unit_size])
+        self._initial = y
 
 
 class ElasticLines(Elastic, lines.Implicit):
@@ -83,10 +104,52 @@ class ElasticLines(Elastic, lines.Implicit):
     def step_data(self, t: float, alpha: float, past: Array) -> Any:
         """Constants of one step; for the step as printed with the last point, which backward Euler starts from."""
         if not self.as_printed:
-            return self._data
-        J = np.diff(past[2 : 3 * self.cells : 3], prepend=0.0) / np.diff(self._data.V)
-        return self._data._replace(rate=alpha, old=np.array([past[0 : 3 * self.cells : 3] / J, J]))
+            return self.constants
+        J = np.diff(past[2 : 3 * self.cells : 3], prepend=0.0) / np.diff(self.constants.V)
+        return self.constants._replace(rate=alpha, old=np.array([past[0 : 3 * self.cells : 3] / J, J]))
 
 
 class ElasticRadau(Elastic, lines.Radau):
     """The elastic tumour with an integrator of its own."""
+
+    kink_band = 0.3
+
+
+class Viscous(Radial):
+    """The viscous tumour on cells that are equal in xi = r/R(t): what its schemes share.
+
+    Their vectors are ``[W alpha, C, u on the outer face; cell by cell | W = R^m/m, V = dW/dt | integrals]``; see `tumour.eulerian`.
+    """
+
+    kernel = VISCOUS
+    fields = observation.VISCOUS_FIELDS
+    bounds: ClassVar[Mapping[int, str]] = {
+        1: "the body has no size left",
+        2: "the cell fraction alpha leaves [0, 1)",
+        3: "oxygen falls below 0 by more than rtol",
+    }
+    limiter = True
+
+    def _build(self, initial: TumourInitial) -> None:
+        N, m = self.cells, self.m
+        s = self.grid.faces**m
+        self.constants = eulerian.Data(s=s, limiter=self.limiter, **self._common())
+        self.mass = np.concatenate([np.tile([1.0, 0.0, 0.0], N), [1.0, 0.0]])
+        model = np.zeros((eulerian.WORK_ROWS, N + 1))
+        self.work = radau.workspace(eulerian.STRIDE * N, eulerian.HALF, eulerian.BORDER, eulerian.INTEGRALS, model)
+        radius = self.geometry.radius
+        W = radius**m / m
+        alpha = observation.cell_averages(initial.alpha, radius * self.grid.faces, m)
+        y = np.zeros(eulerian.STRIDE * N + eulerian.BORDER + eulerian.INTEGRALS)
+        y[0 : 3 * N : 3], y[1 : 3 * N : 3], y[3 * N] = W * alpha, self.constants.C_out, W
+        y = self.consistent(0.0, y)
+        self.start = np.array([W * float(np.sum(alpha * np.diff(s))), W, self.geometry.unit_size])
+        self._initial = y
+
+
+class ViscousLines(Viscous, lines.Implicit):
+    """The viscous tumour, one implicit step for the common time loop."""
+
+
+class ViscousRadau(Viscous, lines.Radau):
+    """The viscous tumour with an integrator of its own."""

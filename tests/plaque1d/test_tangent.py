@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from multiphase import transport
+
 from plaque1d import discretisation as fv
 from plaque1d import equations as eq
 from plaque1d.semidiscrete import KERNEL
@@ -95,7 +97,7 @@ def test_derivatives_of_the_laws(k):
     close(eq.extra_stress_slope(l, 0.7, 2.0, k), lambda x: eq.extra_stress(x, 0.7, 2.0, k), l)
     close(eq.uptake_slopes(l, n)[0], lambda x: eq.uptake(x, n), l)
     close(eq.uptake_slopes(l, n)[1], lambda x: eq.uptake(l, x), n)
-    close(eq.floored_slope(n, 0.01), lambda x: eq.floored(x, 0.01), n)
+    close(transport.floored_slope(n, 0.01), lambda x: transport.floored(x, 0.01), n)
     for nu_n, nu_m in ((0.3, 1.2), (0.0, 1.0), (0.0, 0.0)):
 
         def excess(x, y, nu_n=nu_n, nu_m=nu_m):

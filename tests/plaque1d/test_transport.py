@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from multiphase.fipy_newton import import_fipy
 from multiphase.geometry import MovingGrid, relative_velocity
 from multiphase.stepping import formula
-from plaque1d.fipy_terms import NecroticTransport, import_fipy
+from plaque1d.fipy_terms import NecroticTransport
 
 
 def _transport(velocity, widths, times, let_through):
