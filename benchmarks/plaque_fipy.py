@@ -21,7 +21,7 @@ from plaque_lines import INITIAL, problem
 from plaque_lines import solve as solve_by_lines
 from threadpoolctl import threadpool_limits
 
-import plaque1d.fipy_scheme as scheme_module
+import multiphase.fipy_newton as scheme_module
 from multiphase.stepping import Control, integrate, start
 from plaque1d.fipy_scheme import FipyScheme
 from plaque1d.parameters import PlaqueGeometry

@@ -68,7 +68,7 @@ class Film:
             for row, panel in enumerate(panels, start=1):
                 lowest = self.figure.add_subplot(grid[row, -2])
                 self._make_profiles(panel, lowest)
-            lowest.set_xlabel(f"position x{view.bracket('x')}")
+            lowest.set_xlabel(view.position_label())
             self.title = self.figure.suptitle(" ", parse_math=False)
             self.show(len(times) - 1)
             self.figure.draw_without_rendering()

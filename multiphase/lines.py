@@ -1,11 +1,11 @@
 r"""Method of lines: a model's compiled rates and tangent as a scheme for the common time loop, or with an integrator of its own.
 
 A model writes its discrete equations ``M y' = f(t, y)`` as compiled functions over one vector, ``[band unknowns, border, integrals]``:
-those of `multiphase.radau`, and
+those of `multiphase.newton`, and
 
-    reach(data, y, change)                             share of a Newton change that keeps y where f is defined; 0 if none does
     settle(data, t, y, work)                           brings the algebraic part of y onto its equations, from nothing
-    record(data, t, y, start, fields, scalars)         what is stored of y: rows of fields, the positions last, and scalars
+    record(data, t, y, slope, start, fields, scalars)  what is stored of y: rows of fields, the positions last, and scalars; slope is
+                                                       dy/dt along the step, or empty where y is a single point
 
 `Kernel` holds them, compiled; `SemiDiscrete` is one scene's constants and vector; `Implicit` solves one implicit step for the common
 loop (BDF of order two, backward Euler); `Radau` brings its own integrator, Radau IIA of order five, which takes far fewer steps where
@@ -29,7 +29,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from multiphase import banded, compiled, radau, stepping
+from multiphase import banded, compiled, newton, radau, stepping, trbdf2
+from multiphase.newton import MODEL, of_the_model
 from multiphase.stepping import Control, Snapshot, Solved, State, StepFailure, failed_step, steps_left
 
 Array = NDArray[np.float64]
@@ -42,55 +43,20 @@ NEWTON_ITERATIONS = 12
 VALUES_PER_CALL = 200_000
 """Unknowns times steps between two returns of the compiled integrator: what Ctrl-C waits for, a tenth of a second or so."""
 
-rates = tangent = size_of = admit = reach = record = shifted = resolve = interpolate = radau.of_the_model
-
-
-def newton_step(
-    d: Any, mass: Any, t: float, alpha: float, past: Any, y: Any, tolerance: float, most: int, w: Any
-) -> tuple[int, int, float]:
-    """Solve ``M (alpha (y - past)) = f(t, y)`` by Newton's method from `y`, which is overwritten; the integrals advance by the same
-    formula, so balances hold after each iteration.
-
-    Returns the code of `multiphase.radau`, the iterations, and the last change in units of the tolerated error.
-    """
-    total, rest = y.size, mass.size
-    change, last = 0.0, 0.0
-    for iteration in range(1, most + 1):
-        rates(d, t, y, w.f_0, w.model)
-        tangent(d, t, y, w.f_0, w.jac, w.columns, w.rows, w.corner, w.q_rows, w.q_corner, w.model, w.scratch)
-        if not shifted(alpha, mass, w.jac, w.columns, w.rows, w.corner, w.band, w.pivots, w.real_columns, w.real_rows, w.real_corner):
-            return radau.SINGULAR, iteration, change
-        for k in range(total):
-            mass_k = mass[k] if k < rest else 1.0
-            w.vector[k] = w.f_0[k] - mass_k * alpha * (y[k] - past[k])
-        resolve(alpha, w.band, w.pivots, w.real_columns, w.real_rows, w.real_corner, w.q_rows, w.q_corner, w.vector)
-        change = size_of(d, y, w.vector)
-        if not np.isfinite(change):
-            return radau.DIVERGED, iteration, change
-        share = reach(d, y, w.vector)
-        for k in range(total):
-            y[k] += (share if share > 0.0 else 1.0) * w.vector[k]
-        if share == 0.0:
-            return radau.OUT_OF_BOUNDS, iteration, float(admit(d, y, w.model))
-        rate = change / last if last > 0.0 else 1.0
-        if change * min(1.0, rate) <= tolerance and share == 1.0:
-            broken = admit(d, y, w.model)
-            return (radau.OUT_OF_BOUNDS, iteration, float(broken)) if broken else (radau.DONE, iteration, change)
-        if iteration > 2 and rate > 2.0 and share == 1.0:
-            return radau.DIVERGED, iteration, change
-        last = change
-    return radau.DIVERGED, most, change
+record = interpolate = differentiate = of_the_model
 
 
 def record_all(d: Any, wanted: Any, times: Any, past: Any, start: Any, fields: Any, scalars: Any) -> None:
     """`record` at the times `wanted`, on the polynomial through the points (times, past)."""
-    y = np.empty(past.shape[1])
+    y, slope = np.empty(past.shape[1]), np.empty(past.shape[1] if len(times) > 1 else 0)
     for i in range(len(wanted)):
         if wanted[i] == times[0]:
             y[:] = past[0]
         else:
             interpolate(times, past, wanted[i], y)
-        record(d, wanted[i], y, start, fields[i], scalars[i])
+        if len(times) > 1:
+            differentiate(times, past, wanted[i], slope)
+        record(d, wanted[i], y, slope, start, fields[i], scalars[i])
 
 
 class Kernel:
@@ -118,7 +84,7 @@ class Kernel:
     @cached_property
     def mark(self) -> str:
         """Fingerprint of all that is compiled."""
-        files = (module.__file__ for module in (radau, banded, stepping, *self._modules, *self._parts))
+        files = (module.__file__ for module in (newton, radau, trbdf2, banded, stepping, *self._modules, *self._parts))
         return compiled.fingerprint(__file__, *files)
 
     def __getitem__(self, name: str) -> Any:
@@ -127,17 +93,28 @@ class Kernel:
 
     @property
     def newton_step(self) -> Any:
-        solvers = {"shifted": radau.shifted, "resolve": radau.resolve}
-        return self._once("newton_step", lambda: self._built(newton_step, ("rates", "tangent", "size_of", "admit", "reach"), solvers))
+        """`multiphase.newton.newton_step` for these functions."""
+        return self._once("newton_step", lambda: newton.build(self._functions, self.mark))
 
     @property
     def record_all(self) -> Any:
-        return self._once("record_all", lambda: self._built(record_all, ("record",), {"interpolate": radau.interpolate}))
+        own = {"interpolate": radau.interpolate, "differentiate": radau.differentiate}
+
+        def make() -> Any:
+            parts = {name: compiled.compiled(function) for name, function in own.items()}
+            return compiled.compiled(record_all, keep=self.mark, record=self._plain("record"), **parts)
+
+        return self._once("record_all", make)
+
+    @property
+    def _functions(self) -> dict[str, Any]:
+        """What the model brings to Newton's method and the integrator."""
+        return {name: self._plain(name) for name in MODEL}
 
     @property
     def advance(self) -> Any:
         """`multiphase.radau.advance` for these functions."""
-        return self._once("advance", lambda: radau.build({name: self._plain(name) for name in radau.MODEL}, self.mark))
+        return self._once("advance", lambda: radau.build(self._functions, self.mark))
 
     def _once(self, name: str, make: Callable[[], Any]) -> Any:
         if name not in self.entries:
@@ -152,10 +129,6 @@ class Kernel:
                 found: Callable[..., Any] = getattr(module, name)
                 return found
         raise AttributeError(f"{name} is in none of {', '.join(module.__name__ for module in self._modules)}")
-
-    def _built(self, function: Any, uses: Sequence[str], solvers: Mapping[str, Any]) -> Any:
-        own = {name: self._plain(name) for name in uses} | {name: compiled.compiled(solver) for name, solver in solvers.items()}
-        return compiled.compiled(function, keep=self.mark, **own)
 
     def announce(self) -> None:
         """Say once that code is being compiled, if it is not on disk."""
@@ -173,7 +146,7 @@ class SemiDiscrete:
     kernel : Kernel
     mass : (band + border,) array
         The diagonal of M, 0 or 1.
-    work : multiphase.radau.Work
+    work : multiphase.newton.Work
     start : array
         What `record` needs of the initial state.
     fields, scalars : tuple of str
@@ -185,7 +158,7 @@ class SemiDiscrete:
 
     kernel: Kernel
     mass: Array
-    work: radau.Work
+    work: newton.Work
     start: Array
     fields: tuple[str, ...]
     scalars: tuple[str, ...]
@@ -231,12 +204,12 @@ class SemiDiscrete:
 
     def reason(self, code: int, value: float) -> str:
         """Why a step failed, in words."""
-        if code == radau.OUT_OF_BOUNDS:
+        if code == newton.OUT_OF_BOUNDS:
             return self.out_of_bounds(int(value))
         return {
-            radau.DIVERGED: f"Newton's method does not converge: last change {value:.3g} of the tolerated error",
-            radau.SINGULAR: "the tangent of the step is singular",
-            radau.INEXACT: f"local error {value:.3g} times the tolerance",
+            newton.DIVERGED: f"Newton's method does not converge: last change {value:.3g} of the tolerated error",
+            newton.SINGULAR: "the tangent of the step is singular",
+            newton.INEXACT: f"local error {value:.3g} times the tolerance",
         }[code]
 
     def out_of_bounds(self, number: int) -> str:
@@ -282,7 +255,7 @@ class Implicit(SemiDiscrete):
         code, iterations, change = self.kernel.newton_step(
             data, self.mass, t, alpha, past, y, NEWTON_TOLERANCE, NEWTON_ITERATIONS, self.work
         )
-        if code != radau.DONE:
+        if code != newton.DONE:
             raise StepFailure(self.reason(code, change))
         return Solved(y, iterations)
 
@@ -311,7 +284,7 @@ class Radau(SemiDiscrete):
         )  # fmt: skip
         counts = dict(zip(state.counters, counters.tolist(), strict=True))
         reached = State(times=times[:points].copy(), u=past[:points].copy(), dt=dt, counters=counts)
-        if code in (radau.DONE, radau.GOING_ON):
+        if code in (newton.DONE, newton.GOING_ON):
             return reached
         if reached.t > state.t:  # what was reached goes to the loop first; from there the failure comes again
             return replace(reached, dt=float(times[0] - times[-1]))

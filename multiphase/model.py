@@ -56,11 +56,12 @@ class Preset:
 class Panel:
     """One panel of the standard figure: `kind` "scalar" (against time), "profile" (against position at
     several times), "spacetime" (colour over time and position) or "ring" (cross-sections of a round body
-    at a few times; left out where the body is flat), and the names it shows."""
+    at a few times; left out where the body is flat), and the names it shows. `round_only` leaves another panel out there as well."""
 
     kind: str
     names: tuple[str, ...]
     title: str
+    round_only: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +95,11 @@ class Model:
     ring : callable(geometry) -> float or None
         Where a 1D domain is the radius of a round body: the radius at its inner end, dimensionless, from the scene's table
         [geometry]; 0 for a disk, None for a flat body.
+    position : str
+        What an axis of positions is called.
+    fronts : tuple of str
+        Scalars that are positions within a 1D domain, for instance the edge of a core: lines in its space-time pictures, in the
+        styles that they have after the width in a scalar panel.
     """
 
     name: str
@@ -114,6 +120,8 @@ class Model:
     ends: tuple[str, str] = ("", "")
     trackers: Callable[[Scene], tuple[Any, ...]] = lambda scene: ()
     ring: Callable[[Mapping[str, Any]], float | None] = lambda geometry: None
+    position: str = "position x"
+    fronts: tuple[str, ...] = ()
 
 
 @cache

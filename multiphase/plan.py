@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +24,10 @@ class Plan:
         Number of scalar unknowns of one implicit step.
     reasons : tuple of str
         Why this solver and this form.
+    warnings : tuple of str
+        What a user should know before trusting the result.
+    open_balances : tuple of str
+        Scalars ``defect_...`` of balances that this form does not close, by the user's choice; large ones are no fault of the run.
     """
 
     solver: str
@@ -32,7 +36,8 @@ class Plan:
     unknowns: int
     dropped: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
+    open_balances: tuple[str, ...] = ()
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=1, ensure_ascii=False)

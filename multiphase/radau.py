@@ -12,27 +12,24 @@ so any linear invariant of f holds after each iteration, whatever its error, as 
 difference to an embedded formula of order three, ``(mu M/h - J)^-1 (f(t, y) + M (e . Z)/h)``; between steps the
 collocation polynomial through y and the three stages gives the solution, to the order of that estimate.
 
-A model brings five compiled functions:
+A model brings the compiled functions of `multiphase.newton`. Algebraic unknowns do not enter the norm, and small steps reveal nothing of
+them, so every step begins by projecting them.
 
-    rates(data, t, y, out, work)                           f; y is [band unknowns, border unknowns, integrals]
-    tangent(data, t, y, f, jac, columns, rows, corner, q_rows, q_corner, work, scratch)
-    size_of(data, y, e)                                    norm of a change e of y in units of the tolerance
-    admit(data, y, work)                                   brings y into its bounds; 0, or the number of the bound it breaks
-    project(data, y, f, jac)                               brings the algebraic part of y onto its equations; whether it was far off
-
-Integrals are unknowns on which nothing depends: they cost one product each. Algebraic unknowns do not enter the norm, and small steps
-reveal nothing of them, so every step begins by projecting them.
+One tangent serves all iterations of a step. Where a law has a kink and the body is stiff on one side of it, that fails at any usable step,
+and TR-BDF2 (`multiphase.trbdf2`), which takes the tangent anew in every iteration, takes the step instead; the next one is tried with
+Radau again. Where the error is not controlled the step is halved first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from multiphase.banded import factor_bordered, solve_bordered
+from multiphase import newton, trbdf2
 from multiphase.compiled import compiled
+from multiphase.newton import DIVERGED, DONE, GOING_ON, INEXACT, MODEL, OUT_OF_BOUNDS, SINGULAR, Work, of_the_model
 from multiphase.stepping import landing
 
 Array = Any
@@ -57,120 +54,10 @@ MU, LAMBDA, T, T_INVERSE = _transformation()
 
 MOST_ITERATIONS = 8
 SAFETY = 0.9
-DONE, GOING_ON, DIVERGED, SINGULAR, INEXACT, OUT_OF_BOUNDS = range(6)
-"""What `advance` says: the end of its stretch, an interim return, or the reason of the last rejection when no step succeeds."""
+HALVINGS = 3
+"""With a fixed step nothing controls the error of a lower order: it is halved this many times before TR-BDF2 takes its place."""
 
-
-class Work(NamedTuple):
-    """Work space of one run, allocated once; sizes in unknowns."""
-
-    model: Array
-    f_0: Array
-    jac: Array
-    columns: Array
-    rows: Array
-    corner: Array
-    q_rows: Array
-    q_corner: Array
-    band: Array
-    pivots: Array
-    real_columns: Array
-    real_rows: Array
-    real_corner: Array
-    complex_band: Array
-    complex_pivots: Array
-    complex_columns: Array
-    complex_rows: Array
-    complex_corner: Array
-    complex_vector: Array
-    stages: Array
-    transformed: Array
-    changes: Array
-    vector: Array
-    scratch: Array
-
-
-def workspace(size: int, half: int, border: int, integrals: int, model: Array) -> Work:
-    """Arrays for `size` unknowns in a band of half-width `half`."""
-    total = size + border + integrals
-
-    def zeros(*shape: int, kind: type = float) -> Array:
-        return np.zeros(shape, dtype=kind)
-
-    return Work(
-        model=model,
-        f_0=zeros(total),
-        jac=zeros(size, 2 * half + 1),
-        columns=zeros(border, size),
-        rows=zeros(border, size),
-        corner=zeros(border, border),
-        q_rows=zeros(integrals, size),
-        q_corner=zeros(integrals, border),
-        band=zeros(size, 3 * half + 1),
-        pivots=zeros(2, size, kind=np.int64),
-        real_columns=zeros(border, size),
-        real_rows=zeros(border, size),
-        real_corner=zeros(border, border),
-        complex_band=zeros(size, 3 * half + 1, kind=complex),
-        complex_pivots=zeros(2, size, kind=np.int64),
-        complex_columns=zeros(border, size, kind=complex),
-        complex_rows=zeros(border, size, kind=complex),
-        complex_corner=zeros(border, border, kind=complex),
-        complex_vector=zeros(total, kind=complex),
-        stages=zeros(3, total),
-        transformed=zeros(3, total),
-        changes=zeros(3, total),
-        vector=zeros(total),
-        scratch=zeros(total),
-    )
-
-
-def of_the_model(*arguments: Any) -> Any:
-    """In the place of a model's function, until `build` puts that there."""
-    raise TypeError("multiphase.radau works for a model only: take what build() returns")
-
-
-rates = tangent = size_of = admit = project = of_the_model
-MODEL = ("rates", "tangent", "size_of", "admit", "project")
-"""What a model brings."""
-
-
-def shifted(factor: Any, mass: Array, jac: Array, columns: Array, rows: Array, corner: Array, band: Array, pivots: Array,
-            out_columns: Array, out_rows: Array, out_corner: Array) -> bool:  # fmt: skip
-    """Factors of ``factor M - J``."""
-    size, width = jac.shape
-    half = (width - 1) // 2
-    border = columns.shape[0]
-    for i in range(size):
-        for j in range(width):
-            band[i, j] = -jac[i, j]
-        for j in range(width, 3 * half + 1):
-            band[i, j] = 0.0
-        band[i, half] += factor * mass[i]
-    for a in range(border):
-        for i in range(size):
-            out_columns[a, i] = -columns[a, i]
-            out_rows[a, i] = -rows[a, i]
-        for b in range(border):
-            out_corner[a, b] = -corner[a, b]
-        out_corner[a, a] += factor * mass[size + a]
-    ok: bool = factor_bordered(band, half, pivots, out_columns, out_rows, out_corner)
-    return ok
-
-
-def resolve(factor: Any, band: Array, pivots: Array, columns: Array, rows: Array, corner: Array, q_rows: Array, q_corner: Array,
-            x: Array) -> None:  # fmt: skip
-    """Solve with the factors of `shifted`; the integrals follow from the rest."""
-    border, size = columns.shape
-    half = (band.shape[1] - 1) // 3
-    solve_bordered(band, half, pivots, columns, rows, corner, x)
-    for a in range(q_rows.shape[0]):
-        value = x[size + border + a]
-        for i in range(size):
-            value += q_rows[a, i] * x[i]
-        for b in range(border):
-            value += q_corner[a, b] * x[size + b]
-        x[size + border + a] = value / factor
+rates = tangent = size_of = admit = project = shifted = resolve = two_stages = of_the_model
 
 
 def interpolate(times: Array, past: Array, t: float, out: Array) -> None:
@@ -181,6 +68,22 @@ def interpolate(times: Array, past: Array, t: float, out: Array) -> None:
         for j in range(len(times)):
             if j != i:
                 weight *= (t - times[j]) / (times[i] - times[j])
+        for k in range(len(out)):
+            out[k] += weight * past[i, k]
+
+
+def differentiate(times: Array, past: Array, t: float, out: Array) -> None:
+    """Derivative at `t` of the polynomial through the points (times, past)."""
+    out[:] = 0.0
+    for i in range(len(times)):
+        weight = 0.0
+        for k in range(len(times)):
+            if k != i:
+                part = 1.0 / (times[i] - times[k])
+                for j in range(len(times)):
+                    if j not in (i, k):
+                        part *= (t - times[j]) / (times[i] - times[j])
+                weight += part
         for k in range(len(out)):
             out[k] += weight * past[i, k]
 
@@ -316,34 +219,46 @@ def advance(
     code, points, dt : int, int, float
     """
     total = past.shape[1]
-    candidate = np.empty(total)
+    candidate, middle = np.empty(total), np.empty(total)
     taken = 0
     while times[0] < stop:
         t = times[0]
         for _ in range(2):
             rates(data, t, past[0], work.f_0, work.model)
+            ahead = (landing(t, dt, stop) - t) / (t - times[points - 1]) if points > 1 else 0.0
+            for k in range(total):  # along a line: a polynomial of higher order wiggles where a law has a kink
+                work.scratch[k] = past[0, k] + ahead * (past[0, k] - past[points - 1, k])
             tangent(data, t, past[0], work.f_0, work.jac, work.columns, work.rows, work.corner, work.q_rows, work.q_corner, work.model,
                     work.scratch)  # fmt: skip
             if not project(data, past[0], work.f_0, work.jac):
                 break
-        reason, accepted = INEXACT, False
+        reason, accepted, robust = INEXACT, False, False
         for trial in range(attempts):
             goal = landing(t, dt, stop)
             h = goal - t
             if h <= smallest * max(abs(t), abs(stop)):
                 break
-            known = points if trial == 0 else 1  # a bad guess may be what failed
-            code, iterations, change = solve_stages(data, mass, times, past, known, h, tolerance, work)
+            if robust:
+                code, iterations, change = two_stages(data, mass, t, past[0], h, middle, candidate, work)
+                error = change
+            else:
+                known = points if trial == 0 else 1  # a bad guess may be what failed
+                code, iterations, change = solve_stages(data, mass, times, past, known, h, tolerance, work)
             counters[3] += iterations
             if code != DONE:
                 counters[2] += 1
                 reason, report[0], report[1] = code, h, change
-                dt = 0.5 * h
+                if robust or fixed > 0.0:
+                    dt = 0.5 * h
+                robust = fixed == 0.0 or trial >= HALVINGS
                 continue
-            for k in range(total):
-                candidate[k] = past[0, k] + work.stages[2, k]
-            error = error_of(data, mass, t, past[0], h, points == 1 or trial > 0, work)
-            factor = SAFETY * (2.0 * MOST_ITERATIONS + 1.0) / (2.0 * MOST_ITERATIONS + iterations) * max(error, 1e-10) ** -0.25
+            if robust:
+                factor = SAFETY * max(error, 1e-10) ** (-1.0 / 3.0)
+            else:
+                for k in range(total):
+                    candidate[k] = past[0, k] + work.stages[2, k]
+                error = error_of(data, mass, t, past[0], h, points == 1 or trial > 0, work)
+                factor = SAFETY * (2.0 * MOST_ITERATIONS + 1.0) / (2.0 * MOST_ITERATIONS + iterations) * max(error, 1e-10) ** -0.25
             if fixed == 0.0 and not error <= 1.0:
                 counters[1] += 1
                 reason, report[0], report[1] = INEXACT, h, error
@@ -361,19 +276,21 @@ def advance(
             return reason, points, dt
         counters[0] += 1
         taken += 1
-        for i in range(3):
-            for k in range(total):
-                past[3 - i, k] = past[0, k] + (work.stages[i - 1, k] if i > 0 else 0.0)
-        for i in range(3):
-            times[3 - i] = t + (NODES[i - 1] * h if i > 0 else 0.0)
         for k in range(total):
+            if robust:
+                past[2, k], past[1, k] = past[0, k], middle[k]
+            else:
+                past[3, k], past[2, k], past[1, k] = past[0, k], past[0, k] + work.stages[0, k], past[0, k] + work.stages[1, k]
             past[0, k] = candidate[k]
+        if robust:
+            points, times[1], times[2] = 3, t + trbdf2.GAMMA * h, t
+        else:
+            points, times[1], times[2], times[3] = 4, t + NODES[1] * h, t + NODES[0] * h, t
         times[0] = goal
-        points = 4
         if fixed > 0.0:
             dt = min(fixed, 2.0 * h)
         else:
-            growth = min(factor, 1.0 if trial or iterations > 3 else 1.5 if iterations == 3 else 8.0)
+            growth = min(factor, 2.0 if robust else 1.0 if trial else 2.0 if iterations > 2 else 8.0)
             dt = max(h * growth, min(dt, 8.0 * h)) if h < 0.999 * dt and growth >= 1.0 else h * max(growth, 0.2)
         if times[0] >= wanted or taken >= most_steps:
             return GOING_ON, points, dt
@@ -381,12 +298,14 @@ def advance(
 
 
 def build(functions: Mapping[str, Any], keep: str) -> Any:
-    """`advance` compiled for one model from its five compiled functions; `keep` is the fingerprint of the files they come from."""
+    """`advance` compiled for one model from its functions; `keep` is the fingerprint of the files they come from."""
     own = {name: functions[name] for name in MODEL}
-    own["shifted"] = compiled(shifted)
-    own["resolve"] = compiled(resolve)
+    own["shifted"] = compiled(newton.shifted)
+    own["resolve"] = compiled(newton.resolve)
     own["interpolate"] = compiled(interpolate)
     own["landing"] = compiled(landing)
+    own["newton_step"] = compiled(newton.newton_step, **own)
+    own["two_stages"] = compiled(trbdf2.two_stages, **own)
     for function in (iterate, solve_stages, error_of):
         own[function.__name__] = compiled(function, **own)
     return compiled(advance, keep=keep, **own)

@@ -124,7 +124,7 @@ def _execute(
     _describe(result, scene, plan, scheme, threads)
     started = time.perf_counter()  # imports and compilation, which only a first run pays, are not counted as its cost
     result.stats = result.stats | {"setup_s": started - preparing}
-    hooks = [recorder, Balances(), *scene.model.trackers(scene), *trackers]
+    hooks = [recorder, Balances(left_open=plan.open_balances), *scene.model.trackers(scene), *trackers]
     if progress:
         hooks.append(progress if isinstance(progress, Tracker) else Progress())
 
@@ -236,7 +236,8 @@ def _starting_state(scene: Scene, scheme: Any, result: Result) -> tuple[State, l
 
 def _control(scene: Scene) -> Control:
     solver = scene.solver
-    return Control(order=1 if solver.time_scheme == "backward-euler" else 2, dt=solver.dt, max_steps=solver.max_steps)
+    time_scheme = solver.resolved[1] if hasattr(solver, "resolved") else solver.time_scheme  # what "auto" stands for
+    return Control(order=1 if time_scheme == "backward-euler" else 2, dt=solver.dt, max_steps=solver.max_steps)
 
 
 def _describe(result: Result, scene: Scene, plan: Plan, scheme: Any, threads: int) -> None:

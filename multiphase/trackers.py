@@ -131,15 +131,15 @@ class Progress(Tracker):
 
 
 class Balances(Tracker):
-    """Warns in the log when a balance defect (a scalar called defect_...) exceeds `limit`, once for each."""
+    """Warns in the log when a balance defect (a scalar called defect_...) exceeds `limit`, once for each; not for those in `left_open`."""
 
-    def __init__(self, limit: float = 1e-9) -> None:
-        self.limit = limit
+    def __init__(self, limit: float = 1e-9, left_open: Sequence[str] = ()) -> None:
+        self.limit, self.left_open = limit, left_open
         self._watched: list[str] | None = None
 
     def on_save(self, state: State, snapshot: Snapshot) -> None:
         if self._watched is None:
-            self._watched = [name for name in snapshot.scalars if name.startswith("defect_")]
+            self._watched = [name for name in snapshot.scalars if name.startswith("defect_") and name not in self.left_open]
         for name in self._watched:
             value = snapshot.scalars[name]
             if not abs(value) <= self.limit:

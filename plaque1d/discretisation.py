@@ -704,6 +704,7 @@ def project(d: Data, y: Array, f: Array, jac: Array) -> bool:
     for i in range(N):
         for p in range(kinds):
             y[m * i + 2 + p] += change[kinds * i + p]
+            f[m * i + 2 + p] = 0.0  # what was just removed must not be seen by the estimate of the local error
         moved, largest = max(moved, abs(change[kinds * i])), max(largest, abs(y[m * i + 2]))
     return moved > 1e-3 * largest
 

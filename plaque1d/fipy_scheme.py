@@ -27,7 +27,6 @@ from multiphase.errors import ParameterError
 from multiphase.fipy_newton import Assembled, Places, import_fipy, without_rounding
 from multiphase.stepping import Snapshot
 from multiphase.transport import floored
-from plaque1d import discretisation as fv
 from plaque1d import equations as eq
 from plaque1d.extensions import Extension, ExtraTerms
 from plaque1d.fipy_terms import Layout, NecroticTransport, scatter

@@ -139,7 +139,7 @@ def gains(d: fv.Data, y: Any) -> Any:
 
 
 @njit(error_model="numpy")
-def record(d: fv.Data, t: float, y: Any, start: Any, fields: Any, scalars: Any) -> None:
+def record(d: fv.Data, t: float, y: Any, slope: Any, start: Any, fields: Any, scalars: Any) -> None:
     """`observe` of a vector on the polynomial of a step, its fractions brought back into [0, 1]; see `multiphase.lines`."""
     fv.bounded(d, y)
     observe(d, t, y, start, gains(d, y), fields, scalars)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multiphase import geometry, lines, radau, transport
+from multiphase import geometry, lines, newton, transport
 from multiphase.geometry import MovingGrid
 from multiphase.lines import Kernel
 from multiphase.stepping import Snapshot
@@ -83,7 +83,7 @@ class SemiDiscrete(lines.SemiDiscrete):
             self.mass[kind : self.size : self.stride] = 0.0
         self.mass[self.size + 1] = 0.0
         model = np.zeros((fv.WORK_ROWS, cells + 1))
-        self.work = radau.workspace(self.size, 2 * self.stride, fv.BORDER, fv.INTEGRALS, model)
+        self.work = newton.workspace(self.size, 2 * self.stride, fv.BORDER, fv.INTEGRALS, model)
         self.start = np.zeros(4)
         self._initial = self._initial_vector()
 

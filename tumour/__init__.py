@@ -1,1 +1,16 @@
-"""An avascular tumour of two phases and oxygen. This release holds no tumour model yet; the plaque is in `plaque1d`."""
+"""An avascular tumour: cells, fluid and oxygen in a body that grows, as a slab, a disk or a sphere.
+
+from tumour import TumourParameters, simulate
+
+result = simulate(TumourParameters(lambda_alpha=1.0), geometry="sphere", t_end=60.0)
+print(result["radius"][-1], result["necrotic_radius"][-1])
+
+Exact solutions are in `tumour.exact`.
+"""
+
+from __future__ import annotations
+
+from tumour.model import simulate
+from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+
+__all__ = ["TumourGeometry", "TumourInitial", "TumourParameters", "TumourSolver", "simulate"]

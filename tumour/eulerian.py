@@ -46,6 +46,8 @@ INTEGRALS = 2
 """Integrals over time of the cells born less those that died, per unit of r^m/m, and of V."""
 FLOOR = 1e-8
 """Least cell fraction in the momentum rows; it changes the others by a relative (FLOOR/alpha)^2."""
+LEAST_AT_SURFACE = 1e-5
+"""Cell fraction at the surface below which a p_out > 0 tears the body apart in finite time."""
 
 
 class Data(NamedTuple):
@@ -344,7 +346,8 @@ def size_of(d: Data, y: Array, e: Array) -> float:
 
 @njit(error_model="numpy")
 def bounded(d: Data, y: Array) -> None:
-    """Bring alpha back to 0 or more with the sum of cells kept: what is missing is taken from all cells in proportion to what they have."""
+    """Bring alpha back to 0 or more with the sum of cells kept: what is missing is taken from all cells in proportion to what they have.
+    Where none are left, what is missing beyond them are deaths that are undone, so the balance holds."""
     N = d.cells
     missing = present = 0.0
     for i in range(N):
@@ -356,6 +359,8 @@ def bounded(d: Data, y: Array) -> None:
     if missing == 0.0:
         return
     share = 1.0 - missing / present if present > missing else 0.0
+    if missing > present:
+        y[STRIDE * N + BORDER] += missing - present
     for i in range(N):
         y[STRIDE * i] = max(y[STRIDE * i], 0.0) * share
 
@@ -363,7 +368,7 @@ def bounded(d: Data, y: Array) -> None:
 @njit(error_model="numpy")
 def admit(d: Data, y: Array, work: Array) -> int:
     """Refuses a step after which the body has no size (1), alpha is below 0 by more than rtol, or 1 or more (2), or C is negative by more
-    than rtol (3); 0 otherwise, with alpha brought back to 0 or more."""
+    than rtol (3), or p_out pulls at a surface without cells (4); 0 otherwise, with alpha brought back to 0 or more."""
     N = d.cells
     W = y[STRIDE * N]
     if not W > 0.0:
@@ -373,6 +378,8 @@ def admit(d: Data, y: Array, work: Array) -> int:
             return 2
         if not y[STRIDE * i + 1] > -d.rtol * max(1.0, d.C_out):
             return 3
+    if d.p_out > 0.0 and y[STRIDE * (N - 1)] < LEAST_AT_SURFACE * W:
+        return 4
     bounded(d, y)
     return 0
 
@@ -430,8 +437,11 @@ def project(d: Data, y: Array, f: Array, jac: Array) -> bool:
     moved = largest = 0.0
     for k in range(size):
         y[k] += change[k]
+        if k % STRIDE > 0:
+            f[k] = 0.0  # what was just removed must not be seen by the estimate of the local error
         if k % STRIDE == 2:
             moved, largest = max(moved, abs(change[k])), max(largest, abs(y[k]))
+    f[size + 1] = 0.0
     y[size + 1] = area_of(radius_of(y[size], d.m), d.m) * y[size - 1]
     return moved > 1e-3 * largest
 

@@ -66,7 +66,7 @@ def fill_scalars(
     scalars[1] = unit * R * law.volume_ratio(1.0, R, m) if m > 1 else unit * R
     scalars[2] = unit * m * cells
     scalars[3] = rate
-    scalars[4] = np.log(2.0) * R / (m * rate) if rate > 0.0 else np.nan
+    scalars[4] = np.log(2.0) * R / (m * rate) if rate > 1e-12 * R else np.nan
     scalars[5] = min(C.min(), C_out)
     necrotic = radius_below(levels[0], R, C_out, rho, C)
     scalars[6] = law.volume_ratio(necrotic / R, necrotic / R, m)
@@ -85,7 +85,7 @@ def elastic_growth(d: radial.Data, t: float, y: Any, out: Any, work: Any) -> flo
         return out[3 * N - 1] / area
     jac, q_rows = np.zeros((3 * N, 2 * radial.HALF + 1)), np.zeros((radial.INTEGRALS, 3 * N))
     empty = np.zeros((0, 3 * N))
-    radial.tangent(d, t, y, out, jac, empty, empty, np.zeros((0, 0)), q_rows, np.zeros((radial.INTEGRALS, 0)), work, out)
+    radial.tangent(d, t, y, out, jac, empty, empty, np.zeros((0, 0)), q_rows, np.zeros((radial.INTEGRALS, 0)), work, y)
     moved, change = np.zeros(y.size), np.zeros(y.size)
     for row in range(3 * N):
         for k in range(max(row - radial.HALF, 0), min(row + radial.HALF, 3 * N - 1) + 1):
@@ -97,13 +97,16 @@ def elastic_growth(d: radial.Data, t: float, y: Any, out: Any, work: Any) -> flo
 
 
 @njit(error_model="numpy")
-def record_elastic(d: radial.Data, t: float, y: Any, start: Any, fields: Any, scalars: Any) -> None:
+def record_elastic(d: radial.Data, t: float, y: Any, slope: Any, start: Any, fields: Any, scalars: Any) -> None:
     """What is stored of the elastic tumour; see `multiphase.lines`.
+
+    Within a step, growth and pressure follow from the motion along it, `slope`: the momentum balance at a point between would magnify
+    what separates that point from the solution by the stiffness of the body.
 
     Parameters
     ----------
     start : (3,) array
-        Cells per V and v of the surface at the start, and the size of the scene's body per r^m.
+        Cells per V at the start, nothing, and the size of the scene's body per r^m.
     fields : (7, N) array
         Filled with `ELASTIC_FIELDS`, then the positions of the cells' middles.
     scalars : (12,) array
@@ -111,19 +114,25 @@ def record_elastic(d: radial.Data, t: float, y: Any, start: Any, fields: Any, sc
     """
     N, m = d.cells, d.m
     work, out = np.empty((radial.WORK_ROWS, N + 1)), np.empty(y.size)
-    rate = elastic_growth(d, t, y, out, work)
+    single = len(slope) == 0
+    rate = elastic_growth(d, t, y, out, work) if single else 0.0
     radial._prepare(d, y, work, False)
+    if not single:
+        rate = slope[3 * N - 1] / work[radial._AREA, N]
     h = d.R[1]
-    p, J = 0.0, 0.0
+    p, T, J = d.p_out, 0.0, 0.0
     cells = volume = 0.0
     for i in range(N - 1, -1, -1):
-        p = d.p_out - radial.pressure_step(d, work, N) if i == N - 1 else p - radial.pressure_step(d, work, i + 1)
+        if single:
+            p -= radial.pressure_step(d, work, i + 1)
+        else:
+            p -= radial.flow_step(d, work, i + 1, slope[3 * i + 2])
         J = work[radial._J, i]
         r_m, r_p = work[radial._RADIUS, i], work[radial._RADIUS, i + 1]
         l_r = (r_p - r_m) / h
         l_t = radial.hoop_stretch(r_m, r_p, d.R[i], d.R[i + 1], m)[0]
         P_r, P_t = law.elastic_stress(l_r, l_t, m, d.mu, d.lam)
-        T = p + work[radial._CONTACT, i]
+        T -= radial.load_step(d, work, i + 1)
         P_r, P_t = P_r - T * J / l_r, P_t - T * J / l_t
         fields[0, i], fields[1, i], fields[2, i] = work[radial._ALPHA, i], y[3 * i + 1], p
         fields[3, i] = work[radial._RHO, i] - 0.5 * (d.R[i] + d.R[i + 1])
@@ -132,16 +141,27 @@ def record_elastic(d: radial.Data, t: float, y: Any, start: Any, fields: Any, sc
         cells += y[3 * i] * (d.V[i + 1] - d.V[i])
         volume += J * (d.V[i + 1] - d.V[i])
     fill_scalars(m, start[2], (d.necrotic, d.hypoxic), d.C_out, work[radial._RADIUS, N], rate, cells, fields[6], fields[1], scalars)
-    born, grown = y[3 * N], y[3 * N + 1]
-    scalars[10] = (cells - start[0] - born) / max(cells, abs(born))
-    if d.kappa > 0.0:
-        scalars[11] = (y[3 * N - 1] - start[1] - grown) / max(y[3 * N - 1], abs(grown))
-    else:
-        scalars[11] = (volume - y[3 * N - 1]) / volume
+    scalars[10] = (cells - start[0] - y[3 * N]) / max(cells, abs(y[3 * N]))
+    scalars[11] = (volume - y[3 * N - 1]) / volume
 
 
 @njit(error_model="numpy")
-def record_viscous(d: eulerian.Data, t: float, y: Any, start: Any, fields: Any, scalars: Any) -> None:
+def _onto_momentum_and_oxygen(d: eulerian.Data, t: float, y: Any, work: Any) -> None:
+    """Bring C, u and V of `y` onto their equations: no error control measures them, and least of all u where cells have died."""
+    size = eulerian.STRIDE * d.cells
+    out, scratch, jac = np.empty(y.size), np.empty(y.size), np.empty((size, 2 * eulerian.HALF + 1))
+    border, integrals = eulerian.BORDER, eulerian.INTEGRALS
+    columns, rows, corner = np.empty((border, size)), np.empty((border, size)), np.empty((border, border))
+    q_rows, q_corner = np.empty((integrals, size)), np.empty((integrals, border))
+    for _ in range(2):
+        eulerian.rates(d, t, y, out, work)
+        eulerian.tangent(d, t, y, out, jac, columns, rows, corner, q_rows, q_corner, work, scratch)
+        if not eulerian.project(d, y, out, jac):
+            break
+
+
+@njit(error_model="numpy")
+def record_viscous(d: eulerian.Data, t: float, y: Any, slope: Any, start: Any, fields: Any, scalars: Any) -> None:
     """What is stored of the viscous tumour; see `multiphase.lines`.
 
     Parameters
@@ -156,6 +176,7 @@ def record_viscous(d: eulerian.Data, t: float, y: Any, start: Any, fields: Any, 
     N, m = d.cells, d.m
     work = np.empty((eulerian.WORK_ROWS, N + 1))
     eulerian.bounded(d, y)
+    _onto_momentum_and_oxygen(d, t, y, work)
     eulerian._prepare(d, y, work)
     W = y[3 * N]
     R = work[eulerian._RADIUS, N]

@@ -100,6 +100,13 @@ class TumourParameters:
 
     def __post_init__(self) -> None:
         validate(self, self.table)
+        if self.gamma > 0.0 and self.alpha_min > self.alpha_star and self.sigma_width == 0.0:
+            raise ParameterError(
+                f"{self.table}.alpha_min",
+                f"{self.alpha_min:g} is above alpha_star = {self.alpha_star:g}: the contact stress would jump up from 0 there and push "
+                "cells straight back below alpha_min, so that no solution passes. Take alpha_min up to alpha_star, or spread the jump "
+                "with sigma_width = 0.02, for instance.",
+            )
         if self.mobility_floor > 0.0 and self.mobility != "printed":
             raise ParameterError(
                 f"{self.table}.mobility_floor",

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from multiphase import lines, radau, transport
+from multiphase import lines, newton, transport
 from multiphase.geometry import MovingGrid
 from multiphase.lines import Kernel
 from tumour import equations as eq
@@ -89,7 +89,7 @@ class Elastic(Radial):
         )
         self.mass = np.tile([1.0, 0.0, 1.0 if self.parameters.kappa > 0.0 else 0.0], N)
         model = np.zeros((radial.WORK_ROWS, N + 1))
-        self.work = radau.workspace(radial.STRIDE * N, radial.HALF, radial.BORDER, radial.INTEGRALS, model)
+        self.work = newton.workspace(radial.STRIDE * N, radial.HALF, radial.BORDER, radial.INTEGRALS, model)
         alpha = observation.cell_averages(initial.alpha, R, m)
         y = np.zeros(radial.STRIDE * N + radial.INTEGRALS)
         y[0 : 3 * N : 3], y[1 : 3 * N : 3], y[2 : 3 * N : 3] = alpha, self.constants.C_out, V[1:]
@@ -127,6 +127,7 @@ class Viscous(Radial):
         1: "the body has no size left",
         2: "the cell fraction alpha leaves [0, 1)",
         3: "oxygen falls below 0 by more than rtol",
+        4: "no cells are left at the surface to bear p_out, which then tears the body apart; lower p_out, or raise mu_alpha",
     }
     limiter = True
 
@@ -136,7 +137,7 @@ class Viscous(Radial):
         self.constants = eulerian.Data(s=s, limiter=self.limiter, **self._common())
         self.mass = np.concatenate([np.tile([1.0, 0.0, 0.0], N), [1.0, 0.0]])
         model = np.zeros((eulerian.WORK_ROWS, N + 1))
-        self.work = radau.workspace(eulerian.STRIDE * N, eulerian.HALF, eulerian.BORDER, eulerian.INTEGRALS, model)
+        self.work = newton.workspace(eulerian.STRIDE * N, eulerian.HALF, eulerian.BORDER, eulerian.INTEGRALS, model)
         radius = self.geometry.radius
         W = radius**m / m
         alpha = observation.cell_averages(initial.alpha, radius * self.grid.faces, m)

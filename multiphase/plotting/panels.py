@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 
 from multiphase.errors import ParameterError
 from multiphase.model import Panel
@@ -80,7 +81,7 @@ def _draw_profile(view: View, panel: Panel, axes: Axes) -> None:
 
     draw_lines(view, panel, axes, draw, rows)
     axes.set_xlim(0.0, view.reach)
-    axes.set_xlabel(f"position x{view.bracket('x')}")
+    axes.set_xlabel(view.position_label())
 
 
 def _time_limits(t: Array) -> tuple[float, float]:
@@ -93,7 +94,7 @@ def _draw_spacetime(view: View, panel: Panel, axes: Axes) -> None:
     assert view.wall is not None
     name = panel.names[0]
     axes.set_xlabel(view.time_label())
-    axes.set_ylabel(f"position x{view.bracket('x')}")
+    axes.set_ylabel(view.position_label())
     axes.set_xlim(*_time_limits(view.t))
     axes.set_ylim(0.0, view.reach)
     if len(view.t) == 1:
@@ -115,8 +116,20 @@ def _draw_spacetime(view: View, panel: Panel, axes: Axes) -> None:
         rasterized=True,  # a vector file would otherwise hold every cell at every time
     )
     axes.plot(view.t, view.wall, color="black", linewidth=1.4, label="wall")
+    _draw_fronts(view, axes)
     bar = axes.figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.08)
     bar.set_label(view.label(name))
+
+
+def _draw_fronts(view: View, axes: Axes) -> None:
+    """Positions within the domain by time: white, with a dark edge that sets them off from any colour."""
+    edge = [withStroke(linewidth=2.4, foreground="black")]
+    for name, style in zip(view.model.fronts, LINE_STYLES[1:], strict=False):
+        if name in view.values:
+            there = view.values[name] > 0.0
+            there[:-1] |= there[1:]  # a front that comes up starts from the inner end
+            position = np.where(there, view.values[name], np.nan)
+            axes.plot(view.t, position, style, color="white", linewidth=1.2, path_effects=edge, label=name)
 
 
 DRAW = {"scalar": _draw_scalar, "profile": _draw_profile, "spacetime": _draw_spacetime}

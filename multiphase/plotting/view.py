@@ -65,7 +65,7 @@ class View:
         return self.model.ends[0].split(" | ")[0]
 
     def drawable(self, panel: Panel) -> bool:
-        if panel.kind == "ring" and self.inner is None:
+        if (panel.kind == "ring" or panel.round_only) and self.inner is None:
             return False
         wanted = 1 if panel.kind == "scalar" else 2
         return all(name in self.values and self.values[name].ndim == wanted for name in panel.names)
@@ -84,6 +84,9 @@ class View:
 
     def bracket(self, name: str) -> str:
         return "" if self.result.unit(name) == "-" else f" [{self.result.unit(name)}]"
+
+    def position_label(self) -> str:
+        return f"{self.model.position}{self.bracket('x')}"
 
     def radius_label(self) -> str:
         return f"distance from\nthe centre{self.bracket('x')}"

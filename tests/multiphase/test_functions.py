@@ -183,6 +183,20 @@ def test_callables_refused() -> None:
     assert PositionFunction(lambda x: 1.0)(x=X, xi=XI).shape == (11,)
 
 
+def test_a_model_may_name_its_coordinate() -> None:
+    for value in ("r**2", lambda r: r**2, lambda s: s**2, lambda xi: 4 * xi**2, lambda r, xi: 2 * r * xi, lambda *, r: r**2):
+        function = PositionFunction(value, variables=("r", "xi"), length=2.0)
+        # linear interpolation on h = 2/2000 errs by at most h²/8 times the second derivative, 2
+        np.testing.assert_allclose(function(r=X, xi=XI), X**2, atol=2 * (2 / (SAMPLES - 1)) ** 2 / 8 + 1e-15)
+        assert function.with_length(2.0) == function
+    with pytest.raises(ParameterError, match=r"gives inf at r = 0"), np.errstate(divide="ignore"):
+        PositionFunction(lambda r: 1 / r, variables=("r", "xi"))
+    with pytest.raises(ParameterError, match=r"write r\*\*2\. A formula may use r, xi, pi"):
+        PositionFunction("r^2", variables=("r", "xi"))
+    with pytest.raises(ParameterError, match="give a formula instead"):
+        PositionFunction(lambda r, theta: r, variables=("r", "theta"))
+
+
 def test_equality_hash_and_number() -> None:
     assert PositionFunction(1) == PositionFunction(1.0) == 1.0
     assert PositionFunction("x") == PositionFunction("x") != PositionFunction("xi")

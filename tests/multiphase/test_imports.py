@@ -21,8 +21,10 @@ def test_import_brings_in_no_optional_part(package: str) -> None:
 def test_the_documented_names_are_there() -> None:
     import multiphase
     import plaque1d
+    import tumour
 
     assert {"ParameterError", "Result", "SolverError", "load"} <= set(multiphase.__all__)
     assert {"PlaqueInitial", "PlaqueParameters", "simulate"} <= set(plaque1d.__all__)
-    for package in (multiphase, plaque1d):
+    assert {"TumourInitial", "TumourParameters", "simulate"} <= set(tumour.__all__)
+    for package in (multiphase, plaque1d, tumour):
         assert all(hasattr(package, name) for name in package.__all__)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -138,6 +138,17 @@ def test_preset_supplies_parameters_initial_and_scales() -> None:
     )
     assert parse('[parameters]\npreset = "slow"').scales is None
     assert MODEL.presets["mouse"].scales == {"length": {"value": 100.0, "unit": "µm"}, "time": {"value": 0.1, "unit": "week"}}
+
+
+def test_preset_may_supply_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    published = Preset("published", {"rate": 2.0}, {}, None, "assumed", solver={"cells": 40, "dt": 0.5})
+    monkeypatch.setattr(scene_module, "find_model", lambda name: replace(MODEL, presets={"published": published}))
+    scene = parse('[parameters]\npreset = "published"\n')
+    assert (scene.solver, scene.parameters.rate) == (Solver(cells=40, dt=0.5), 2.0)
+    assert parse('[solver]\ncells = 80\n[parameters]\npreset = "published"\n', "solver.dt=0.25").solver == Solver(cells=80, dt=0.25)
+    assert parse().solver == Solver()
+    assert parse_scene(scene.to_toml(), name="again").solver == scene.solver
+    assert published.solver == {"cells": 40, "dt": 0.5}
 
 
 def test_resolved_toml_round_trip(toy: Path) -> None:

@@ -228,6 +228,12 @@ def test_a_negative_defect_counts_too(caplog: pytest.LogCaptureFixture) -> None:
     assert "defect_c = -0.001" in caplog.text
 
 
+def test_balances_left_open_by_choice_are_not_watched(caplog: pytest.LogCaptureFixture) -> None:
+    Balances(1e-9, left_open=("defect_n",)).on_save(state_at(0.0), snapshot(0.0, defect_n=1e-3, defect_c=1e-3))
+    assert len(caplog.records) == 1
+    assert "defect_c = 0.001" in caplog.text
+
+
 # -- stopping rules ---------------------------------------------------------------------------------------------------
 
 

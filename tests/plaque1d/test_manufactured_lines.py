@@ -181,7 +181,7 @@ def interpreted(monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(radau, "compiled", plain)
             own = {"rates": scheme.rates, "tangent": scheme.tangent}
-            advance = radau.build(own | {name: KERNEL[name] for name in ("size_of", "admit", "project")}, "")
+            advance = radau.build(own | {name: KERNEL[name] for name in ("size_of", "admit", "project", "reach")}, "")
         monkeypatch.setitem(KERNEL.entries, "advance", advance)
         return scheme
 

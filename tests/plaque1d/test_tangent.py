@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from multiphase import transport
-
 from plaque1d import discretisation as fv
 from plaque1d import equations as eq
 from plaque1d.semidiscrete import KERNEL

@@ -24,6 +24,7 @@ from tumour.parameters import (
 DEFAULTS = {
     "mu_alpha": 1.0, "lambda_alpha": 0.0, "kappa": 1.0, "mobility": "darcy", "mobility_floor": 0.0, "gamma": 1.0, "alpha_star": 0.8,
     "alpha_min": 0.8, "sigma_width": 0.0, "s1": 10.0, "s2": 0.5, "s3": 0.5, "s4": 10.0, "Q": 0.5, "Q1_hat": 0.0, "C_out": 1.0, "p_out": 0.0,
+    "C_hypoxic": 0.5, "C_necrotic": "kinetic",
 }  # fmt: skip
 
 
@@ -69,6 +70,15 @@ def test_presets() -> None:
     for call in (TumourParameters.preset, TumourInitial.preset, TumourSolver.preset, find_preset):
         with pytest.raises(ParameterError, match=r'parameters\.preset: .*"wardking"; did you mean "ward-king"\?'):
             call("wardking")
+
+
+def test_the_level_of_necrosis() -> None:
+    assert TumourParameters().necrotic_level == pytest.approx(5.0 / 17.0, rel=1e-14)
+    assert TumourParameters(C_necrotic=0.1).necrotic_level == 0.1
+    assert np.isnan(TumourParameters(s2=10.0, s3=10.0, s4=0.0).necrotic_level)  # cells that never multiply
+    for value in (-0.1, "kinetics"):
+        with pytest.raises(ParameterError, match=r"parameters\.C_necrotic"):
+            TumourParameters(C_necrotic=value)
 
 
 def test_the_kinetics_of_ward_and_king() -> None:
@@ -238,3 +248,12 @@ def test_what_a_formulation_does_not_have() -> None:
 def test_sizes_that_only_a_wrong_unit_explains() -> None:
     for name, value in (("p_out", -2e12), ("gamma", 1e13), ("kappa", 1e-13), ("mu_alpha", 1e-13)):
         assert refusal(replace(TumourParameters(), **{name: value})).path == f"parameters.{name}"
+
+
+def test_a_contact_stress_that_jumps_up_is_refused():
+    """Contact would push cells back below alpha_min as soon as they reach it."""
+    with pytest.raises(ParameterError, match="sigma_width") as caught:
+        TumourParameters(alpha_min=0.9)
+    assert caught.value.path == "parameters.alpha_min"
+    TumourParameters(alpha_min=0.9, sigma_width=0.02)
+    TumourParameters(alpha_min=0.9, gamma=0.0)
