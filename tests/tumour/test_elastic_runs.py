@@ -172,7 +172,18 @@ HARD: dict[str, dict[str, Any]] = {
     "contact from below, smooth": {"alpha_min": 0.5, "sigma_width": 0.02},
     "contact late, smooth": {"alpha_min": 0.9, "sigma_width": 0.02},
     "a thousand": {"lambda_alpha": 1.0, "t_end": 1000.0},
+    "loose at first": {"alpha": 0.3},
+    "contact from the rim inwards": {"alpha": "0.5 + 0.4*xi**2"},
+    "loose, weak drag": {"alpha": 0.3, "kappa": 1e-4},
+    "soft, and no second modulus": {"mu_alpha": 1e-3},
+    "inflated": {"p_out": 1.0, "lambda_alpha": 1.0},
 }
+SNAPPING: dict[str, dict[str, Any]] = {
+    "attraction lost to hunger": {"alpha_min": 0.75, "Q": 3.0},
+    "attraction lost to death": {"alpha_min": 0.5, "C_out": 0.04},
+    "attraction lost to death, smooth": {"alpha_min": 0.6, "C_out": 0.04, "sigma_width": 0.02},
+}
+"""Sigma jumps up from below 0 where cells lose contact: they snap one after the other."""
 
 
 @METHODS
@@ -191,6 +202,19 @@ def test_hard_cases_run(make_elastic: Any, case: str, method: str) -> None:
         assert seen.fields["J"].min() > 0.0
         assert 0.0 < seen.fields["alpha"].min() < seen.fields["alpha"].max() < 1.0
         assert seen.fields["C"].min() > -1e-6
+
+
+@DIMENSIONS
+@pytest.mark.parametrize("case", SNAPPING)
+def test_cells_that_attract_snap_one_by_one(make_elastic: Any, case: str, m: int) -> None:
+    """The run finishes, in about twenty steps and as many rejected ones for each cell that snaps; cells are kept."""
+    scheme = make_elastic(m, 50, **SNAPPING[case])
+    state = final(scheme, 60.0, max_steps=2000)
+    assert state.counters["steps"] < 30 * 50
+    seen = scheme.observe(60.0, state.u[0])
+    assert abs(seen.scalars["defect_cells"]) < 1e-11
+    assert seen.fields["J"].min() > 0.0
+    assert seen.fields["alpha"].min() < scheme.parameters.alpha_min - 0.02  # the jump was passed
 
 
 @METHODS
