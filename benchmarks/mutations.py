@@ -18,7 +18,8 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-TERMS, SCHEME, FV = "plaque1d/fipy_terms.py", "plaque1d/fipy_scheme.py", "plaque1d/discretisation.py"
+TERMS, SCHEME = "plaque1d/fipy_terms.py", "plaque1d/fipy_scheme.py"
+FV, SLIP = "plaque1d/discretisation.py", "plaque1d/slip.py"
 LAWS, GRID, OBSERVATION, RADAU = "plaque1d/equations.py", "multiphase/geometry.py", "plaque1d/observation.py", "multiphase/radau.py"
 
 MUTATIONS: list[tuple[str, str, str, str, str]] = [
@@ -35,21 +36,21 @@ MUTATIONS: list[tuple[str, str, str, str, str]] = [
     ("l (3.10b)", "uptake, k_l", FV, "* W * rate, -d.k_l * W * rate", "* W * rate, d.k_l * W * rate"),
     ("l (3.10b)", "diffusion, FiPy", SCHEME, "- fipy.DiffusionTerm(coeff=self._ldl", "+ fipy.DiffusionTerm(coeff=self._ldl"),
     ("l (3.10b)", "uptake, FiPy", SCHEME, "self._consumption.setValue(p.k_l", "self._consumption.setValue(-p.k_l"),
-    ("slip (3.8d,e)", "drag b, interfacial", FV, "out[row] = h * W * d.b * n_f[f]", "out[row] = -h * W * d.b * n_f[f]"),
-    ("slip (3.8d,e)", "stress (c Sigma)', interfacial", FV, "* y[row] + r * n_f[f] * step", "* y[row] - r * n_f[f] * step"),
-    ("slip (3.8d,e)", "viscosity, interfacial", FV, "direct, cross = nu * (a * a", "direct, cross = -nu * (a * a"),
-    ("slip (3.8d,e)", "coupling of the faces, interfacial", FV, "area * nu * (s * s - a * a)", "area * nu * (s * s + a * a)"),
-    ("slip (3.8d,e)", "hoop strain, interfacial", FV, "2.0 * lambda_ * a * s", "-2.0 * lambda_ * a * s"),
-    ("slip (3.8d,e)", "curvature of the mixture's flow", FV, "out[row] -= 2.0 * law.mean", "out[row] += 2.0 * law.mean"),
-    ("slip (3.8d,e)", "drag b, drag form", FV, "out[row] = h * W * d.b * work[_NF, f]", "out[row] = -h * W * d.b * work[_NF, f]"),
-    ("slip (3.8d,e)", "viscous stress T, drag form", FV, "load = -r * force", "load = r * force"),
-    ("slip (3.8d,e)", "S n', drag form", FV, "force - S_f * r * n[i]", "force + S_f * r * n[i]"),
-    ("slip (3.8d,e)", "n c Sigma, drag form", FV, "+ r * mixed * stress[i]", "- r * mixed * stress[i]"),
-    ("slip (3.8d,e)", "hoop stress X, drag form", FV, "value -= 0.5 * (h * W / r) * hoop", "value += 0.5 * (h * W / r) * hoop"),
-    ("slip (3.8d,e)", "curvature, drag form", FV, "load += 2.0 * (d.mu_m - d.mu_n)", "load -= 2.0 * (d.mu_m - d.mu_n)"),
-    ("S'", "flow of the mixture", FV, "(-4.0 * shear * V / mean**3 +", "(4.0 * shear * V / mean**3 +"),
-    ("S'", "slip", FV, "+ 2.0 / mean * Y)", "- 2.0 / mean * Y)"),
-    ("slip (3.8d,e)", "w(0) = V / (R_1 c(0))", FV, "return y[d.stride * d.cells + 1] / (d", "return -y[d.stride * d.cells + 1] / (d"),
+    ("slip (3.8d,e)", "drag b, interfacial", SLIP, "out[row] = h * W * d.b * n_f[f]", "out[row] = -h * W * d.b * n_f[f]"),
+    ("slip (3.8d,e)", "stress (c Sigma)', interfacial", SLIP, "* y[row] + r * n_f[f] * step", "* y[row] - r * n_f[f] * step"),
+    ("slip (3.8d,e)", "viscosity, interfacial", SLIP, "direct, cross = nu * (a * a", "direct, cross = -nu * (a * a"),
+    ("slip (3.8d,e)", "coupling of the faces, interfacial", SLIP, "area * nu * (s * s - a * a)", "area * nu * (s * s + a * a)"),
+    ("slip (3.8d,e)", "hoop strain, interfacial", SLIP, "2.0 * lambda_ * a * s", "-2.0 * lambda_ * a * s"),
+    ("slip (3.8d,e)", "curvature of the mixture's flow", SLIP, "out[row] -= 2.0 * law.mean", "out[row] += 2.0 * law.mean"),
+    ("slip (3.8d,e)", "drag b, drag form", SLIP, "out[row] = h * W * d.b * work[NF, f]", "out[row] = -h * W * d.b * work[NF, f]"),
+    ("slip (3.8d,e)", "viscous stress T, drag form", SLIP, "load = -r * force", "load = r * force"),
+    ("slip (3.8d,e)", "S n', drag form", SLIP, "force - S_f * r * n[i]", "force + S_f * r * n[i]"),
+    ("slip (3.8d,e)", "n c Sigma, drag form", SLIP, "+ r * mixed * stress[i]", "- r * mixed * stress[i]"),
+    ("slip (3.8d,e)", "hoop stress X, drag form", SLIP, "value -= 0.5 * (h * W / r) * hoop", "value += 0.5 * (h * W / r) * hoop"),
+    ("slip (3.8d,e)", "curvature, drag form", SLIP, "load += 2.0 * (d.mu_m - d.mu_n)", "load -= 2.0 * (d.mu_m - d.mu_n)"),
+    ("S'", "flow of the mixture", SLIP, "(-4.0 * shear * V / mean**3 +", "(4.0 * shear * V / mean**3 +"),
+    ("S'", "slip", SLIP, "+ 2.0 / mean * Y)", "- 2.0 / mean * Y)"),
+    ("slip (3.8d,e)", "w(0) = V / (R_1 c(0))", SLIP, "return y[d.stride * d.cells + 1] / (d", "return -y[d.stride * d.cells + 1] / (d"),
     ("W (3.9)", "W' = V", FV, "out[m * N] = V\n", "out[m * N] = -V\n"),
     ("W (3.9)", "V = Psi_m l(0)", LAWS, "return Psi_m * l_wall", "return -Psi_m * l_wall"),
     ("wall (3.8h)", "Psi_l", LAWS, "load = inner + distance * Psi_l", "load = inner - distance * Psi_l"),

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from sksundae.ida import IDA
 
-from plaque1d import discretisation as fv
+from plaque1d import layout
 from plaque1d.semidiscrete import KERNEL, SemiDiscrete
 
 
@@ -19,7 +19,7 @@ def solve_with_ida(scheme: SemiDiscrete, end: float, rtol: float, repeats: int) 
     rates, tangent = KERNEL["rates"], KERNEL["tangent"]
     w, d, size = scheme.work, scheme.data(0.0), scheme.size
     start = scheme.initial()
-    total = size + fv.BORDER
+    total = size + layout.BORDER
     full = np.zeros(len(start))
     out, f = np.zeros(len(start)), np.zeros(len(start))
     width = w.jac.shape[1]
@@ -34,10 +34,10 @@ def solve_with_ida(scheme: SemiDiscrete, end: float, rtol: float, repeats: int) 
 
     def matrix(cj: float) -> csc_matrix:
         entries = [(row[inside], column[inside], -w.jac.ravel()[inside])]
-        for k in range(fv.BORDER):
+        for k in range(layout.BORDER):
             entries.append((np.arange(size), np.full(size, size + k), -w.columns[k]))
             entries.append((np.full(size, size + k), np.arange(size), -w.rows[k]))
-            entries.append((np.full(fv.BORDER, size + k), size + np.arange(fv.BORDER), -w.corner[k]))
+            entries.append((np.full(layout.BORDER, size + k), size + np.arange(layout.BORDER), -w.corner[k]))
         entries.append((np.arange(total), np.arange(total), cj * scheme.mass))
         r, c, v = (np.concatenate(part) for part in zip(*entries, strict=True))
         return csc_matrix((v, (r, c)), shape=(total, total))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from multiphase.geometry import MovingGrid
 from plaque1d import discretisation as fv
 from plaque1d import laws as law
+from plaque1d import layout
 from plaque1d.parameters import PlaqueGeometry
 
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ def cell_averages(function: Callable[..., Array], grid: MovingGrid, geometry: Pl
 
 
 @njit(error_model="numpy")
-def _distance(d: fv.Data, share: float, W: float) -> float:
+def _distance(d: layout.Data, share: float, W: float) -> float:
     """Distance from the endothelium within which a share of the wall lies."""
     if not d.annulus:
         return share * W
@@ -42,7 +43,7 @@ def _distance(d: fv.Data, share: float, W: float) -> float:
 
 
 @njit(error_model="numpy")
-def observe(d: fv.Data, t: float, y: Any, start: Any, gains: Any, fields: Any, scalars: Any) -> None:
+def observe(d: layout.Data, t: float, y: Any, start: Any, gains: Any, fields: Any, scalars: Any) -> None:
     """Fields at the cell centres, and scalars, of the vector `y` of the schemes.
 
     Parameters
@@ -73,7 +74,7 @@ def observe(d: fv.Data, t: float, y: Any, start: Any, gains: Any, fields: Any, s
         n_total += y[m * i]
         l_total += y[m * i + 1]
     n_total, l_total = n_total * h, l_total * h
-    l_wall = law.wall_concentration(l[0], 0.5 * h * W / R_1, fv.influx(d, t), d.Psi_m)
+    l_wall = law.wall_concentration(l[0], 0.5 * h * W / R_1, layout.influx(d, t), d.Psi_m)
     V = R_1 * law.growth_rate(l_wall, d.Psi_m)
     n_wall = n[0] - (n[1] - n[0]) / 6.0 if np.isnan(d.n_wall) else d.n_wall
     _velocities_and_pressure(d, y, V, n_wall, fields)
@@ -93,7 +94,7 @@ def observe(d: fv.Data, t: float, y: Any, start: Any, gains: Any, fields: Any, s
 
 
 @njit(error_model="numpy")
-def _velocities_and_pressure(d: fv.Data, y: Any, V: float, n_wall: float, fields: Any) -> None:
+def _velocities_and_pressure(d: layout.Data, y: Any, V: float, n_wall: float, fields: Any) -> None:
     """u_n and u_m, averaged from the faces, and p_n from the sum of the momentum balances integrated from the outer wall."""
     N, m = d.cells, d.stride
     W, n = y[m * N], fields[0]
@@ -131,7 +132,7 @@ def _velocities_and_pressure(d: fv.Data, y: Any, V: float, n_wall: float, fields
 
 
 @njit(error_model="numpy")
-def gains(d: fv.Data, y: Any) -> Any:
+def gains(d: layout.Data, y: Any) -> Any:
     """Integrals over time of the sources of n, of the losses of l, of the influx of modLDL, and of dW/dt."""
     size = d.stride * d.cells
     uptake, influx, growth = y[size + 2], y[size + 3], y[size + 4]
@@ -139,7 +140,7 @@ def gains(d: fv.Data, y: Any) -> Any:
 
 
 @njit(error_model="numpy")
-def record(d: fv.Data, t: float, y: Any, slope: Any, start: Any, fields: Any, scalars: Any) -> None:
+def record(d: layout.Data, t: float, y: Any, slope: Any, start: Any, fields: Any, scalars: Any) -> None:
     """`observe` of a vector on the polynomial of a step, its fractions brought back into [0, 1]; see `multiphase.lines`."""
     fv.bounded(d, y)
     observe(d, t, y, start, gains(d, y), fields, scalars)

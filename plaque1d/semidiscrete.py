@@ -15,12 +15,12 @@ from multiphase.lines import Kernel
 from multiphase.stepping import Snapshot
 from plaque1d import discretisation as fv
 from plaque1d import equations as eq
-from plaque1d import laws, observation
+from plaque1d import laws, layout, observation, slip
 from plaque1d.parameters import PlaqueGeometry, PlaqueInitial, PlaqueParameters
 
 Array = NDArray[np.float64]
 
-KERNEL = Kernel(fv, observation, parts=(laws, eq, geometry, transport))
+KERNEL = Kernel(fv, observation, parts=(layout, slip, laws, eq, geometry, transport))
 """The compiled discretisation, which the schemes of the plaque share."""
 
 _BOUNDS = {
@@ -56,7 +56,7 @@ class SemiDiscrete(lines.SemiDiscrete):
         geometry: PlaqueGeometry,
         cells: int,
         rtol: float,
-        floor: float = fv.FLOOR,
+        floor: float = layout.FLOOR,
     ) -> None:
         KERNEL.announce()
         self.parameters, self.initial_values, self.geometry, self.rtol = parameters, initial, geometry, rtol
@@ -69,7 +69,7 @@ class SemiDiscrete(lines.SemiDiscrete):
         """Unknowns of all cells, which the border (W, V) and the integrals follow."""
         strongest = max(parameters.Psi_l.values)
         wall = parameters.inner_wall
-        self._constants = fv.Data(
+        self._constants = layout.Data(
             cells=cells, stride=self.stride, annulus=geometry.annulus, drag=drag, inner_radius=geometry.inner_radius,
             influx=0.0, influx_rate=0.0, t_0=0.0,
             n_wall=np.nan if isinstance(wall, str) else float(wall), rtol=rtol, floor=floor,
@@ -77,13 +77,13 @@ class SemiDiscrete(lines.SemiDiscrete):
             **{name: float(getattr(parameters, name)) for name in (
                 "Psi_m", "k_l", "k_m", "b", "mu_n", "lambda_n", "mu_m", "lambda_m", "A", "B", "k", "p_out")},
         )  # fmt: skip
-        self._segments: dict[float, fv.Data] = {}
-        self.mass = np.ones(self.size + fv.BORDER)
+        self._segments: dict[float, layout.Data] = {}
+        self.mass = np.ones(self.size + layout.BORDER)
         for kind in range(2, self.stride):
             self.mass[kind : self.size : self.stride] = 0.0
         self.mass[self.size + 1] = 0.0
-        model = np.zeros((fv.WORK_ROWS, cells + 1))
-        self.work = newton.workspace(self.size, 2 * self.stride, fv.BORDER, fv.INTEGRALS, model)
+        model = np.zeros((layout.WORK_ROWS, cells + 1))
+        self.work = newton.workspace(self.size, 2 * self.stride, layout.BORDER, layout.INTEGRALS, model)
         self.start = np.zeros(4)
         self._initial = self._initial_vector()
 
@@ -102,7 +102,7 @@ class SemiDiscrete(lines.SemiDiscrete):
         """Where the slip on the interior faces stands."""
         return slice(2, self.size - self.stride, self.stride)
 
-    def data(self, t: float) -> fv.Data:
+    def data(self, t: float) -> layout.Data:
         """Constants of the stretch between two breaks of Psi_l(t) that begins at or contains `t`."""
         series = self.parameters.Psi_l
         if not series.breaks and self._segments:
@@ -123,7 +123,7 @@ class SemiDiscrete(lines.SemiDiscrete):
         n, l = np.clip(n, 0.0, 1.0), np.maximum(l, 0.0)  # the quadrature leaves rounding
         n_total = W * float(np.mean(n))
         self.start = np.array([n_total, W - n_total, W * float(np.mean(l)), W])
-        y = np.zeros(self.size + fv.BORDER + fv.INTEGRALS)
+        y = np.zeros(self.size + layout.BORDER + layout.INTEGRALS)
         y[self.n], y[self.l], y[self.size] = W * n, W * l, W
         return self.consistent(0.0, y)
 

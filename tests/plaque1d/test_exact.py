@@ -7,8 +7,7 @@ import pytest
 
 from multiphase.errors import ParameterError
 from multiphase.stepping import Control, integrate, start
-from plaque1d import PlaqueInitial, PlaqueParameters, simulate
-from plaque1d import discretisation as fv
+from plaque1d import PlaqueInitial, PlaqueParameters, layout, simulate
 from plaque1d.semidiscrete import KERNEL
 
 DEFECTS = ("defect_L", "defect_n", "defect_c", "defect_l")
@@ -51,14 +50,14 @@ def test_balances_close_to_rounding_and_the_combined_identity_holds(make_scheme,
     p = scheme.parameters
 
     def combined(s, u):
-        influx = u[scheme.size + fv.BORDER + 1]
+        influx = u[scheme.size + layout.BORDER + 1]
         return s.scalars["l_total"] + p.k_l / p.k_m * s.scalars["n_total"] - influx
 
     # l + (k_l/k_m) n - influx is constant: the two sources are one product in every step, so to rounding as well, far below ten times
     # the iteration's tolerance 3e-3 rtol
     drift = combined(snapshots[-1], state.u[0]) - combined(snapshots[0], scheme.initial())
     assert abs(drift) < 1e-11
-    influx = state.u[0][scheme.size + fv.BORDER + 1]
+    influx = state.u[0][scheme.size + layout.BORDER + 1]
     if "Psi_l" in changes:  # 0.2 at 1, a ramp from 0.1 to 2 over 0.4, 0.4 at 2: BDF2 integrates the ramp to its error
         assert influx == pytest.approx(0.2 + 0.42 + 0.8, rel=1e-2)
     else:

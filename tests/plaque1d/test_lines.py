@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from multiphase.stepping import Control, StepFailure, integrate, predict, start
-from plaque1d import PlaqueInitial, PlaqueParameters, simulate
-from plaque1d import discretisation as fv
+from plaque1d import PlaqueInitial, PlaqueParameters, layout, simulate
 from plaque1d.semidiscrete import KERNEL
 
 DRAG = {"momentum": "drag", "p_out": 1.0}
@@ -36,7 +35,7 @@ def _dense(scheme, y):
     for i in range(size):
         for j in range(max(0, i - 2 * m), min(size, i + 2 * m + 1)):
             full[i, j] = work.jac[i, j - i + 2 * m]
-    border, integrals = slice(size, size + fv.BORDER), slice(size + fv.BORDER, len(y))
+    border, integrals = slice(size, size + layout.BORDER), slice(size + layout.BORDER, len(y))
     full[:size, border], full[border, :size], full[border, border] = work.columns.T, work.rows, work.corner
     full[integrals, :size], full[integrals, border] = work.q_rows, work.q_corner
     return full
@@ -94,7 +93,7 @@ def test_the_tangent_conserves_what_the_rates_conserve(make_lines, shape, form):
     scheme = make_lines(11, **SHAPES[shape], **FORMS[form])
     full, p = _dense(scheme, _rough(scheme)), scheme.parameters
     for part, gain in ((scheme.n, p.k_m), (scheme.l, -p.k_l)):
-        column = full[part].sum(axis=0) / 11 - gain * full[scheme.size + fv.BORDER]
+        column = full[part].sum(axis=0) / 11 - gain * full[scheme.size + layout.BORDER]
         cells = np.abs(column[: scheme.size]) / np.abs(full[part]).max()
         assert cells.max() < 1e-15
         assert np.abs(column[scheme.size :]).max() < 1e-6  # rounding of the differences, which the last, tiny update multiplies
@@ -219,7 +218,9 @@ def test_balances_close_to_rounding_whatever_the_tolerance(make_lines, shape, fo
     snapshot = scheme.observe(1.0, u)
     assert all(abs(snapshot.scalars[f"defect_{which}"]) < 1e-11 for which in "nclL")
     # Radau's quadrature is exact for the pieces of Psi_l(t): 0.2, a ramp from 0.1 to 2 over 0.4, 0.4 at 2
-    assert u[scheme.size + fv.BORDER + 1] / scheme.geometry.inner_radius == pytest.approx(0.2 + 0.5 * (0.1 + 2.0) * 0.4 + 0.8, rel=1e-12)
+    assert u[scheme.size + layout.BORDER + 1] / scheme.geometry.inner_radius == pytest.approx(
+        0.2 + 0.5 * (0.1 + 2.0) * 0.4 + 0.8, rel=1e-12
+    )
 
 
 def test_a_sharp_influx_is_met_at_its_jumps(make_lines):

@@ -17,8 +17,7 @@ from scipy.sparse.linalg import spsolve
 
 from multiphase import radau
 from multiphase.stepping import Control, Solved, integrate, start
-from plaque1d import PlaqueInitial, PlaqueParameters
-from plaque1d import discretisation as fv
+from plaque1d import PlaqueInitial, PlaqueParameters, layout
 from plaque1d.lines_scheme import LinesScheme, RadauLines
 from plaque1d.parameters import PlaqueGeometry
 from plaque1d.semidiscrete import KERNEL
@@ -126,7 +125,7 @@ class Forced:
     def forcing(self, t):
         """What is added to the rates: rows of n and l hold averages over a cell, times W; that of the slip, area times force."""
         solution, N, m = self.solution, self.grid.cells, self.stride
-        out, W = np.zeros(self.size + fv.BORDER + fv.INTEGRALS), solution.W(t)
+        out, W = np.zeros(self.size + layout.BORDER + layout.INTEGRALS), solution.W(t)
         for part, name in ((self.n, "n"), (self.l, "l")):
             out[part] = W * solution.average(solution.sources[name], N, t)
         out[self.w] = -W / N * solution.sources["w"](self.grid.faces[1:-1], t)

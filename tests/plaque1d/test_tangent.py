@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from multiphase import transport
-from plaque1d import discretisation as fv
 from plaque1d import equations as eq
+from plaque1d import layout
 from plaque1d.semidiscrete import KERNEL
 
 CASES = {
@@ -144,4 +144,4 @@ def _slopes(make_lines, n, **changes):
     y = scheme.initial()
     y[scheme.n] = y[scheme.size] * n
     KERNEL["rates"](scheme.data(0.0), 0.0, y, np.empty_like(y), scheme.work.model)
-    return scheme.work.model[fv._SLOPE, : len(n)].copy()
+    return scheme.work.model[layout.SLOPE, : len(n)].copy()
