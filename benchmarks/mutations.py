@@ -20,6 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 TERMS, SCHEME = "plaque1d/fipy_terms.py", "plaque1d/fipy_scheme.py"
 FV, SLIP = "plaque1d/discretisation.py", "plaque1d/slip.py"
+TUMOUR, ELASTIC, VISCOUS, TRBDF2 = "tumour/equations.py", "tumour/radial.py", "tumour/eulerian.py", "multiphase/trbdf2.py"
 LAWS, GRID, OBSERVATION, RADAU = "plaque1d/equations.py", "multiphase/geometry.py", "plaque1d/observation.py", "multiphase/radau.py"
 
 MUTATIONS: list[tuple[str, str, str, str, str]] = [
@@ -64,11 +65,37 @@ MUTATIONS: list[tuple[str, str, str, str, str]] = [
     ("velocities", "u_m = V + n w", LAWS, "return V + n * w", "return V - n * w"),
     ("Radau", "error weights", RADAU, "[-13.0 - 7.0 * _ROOT, -13.0", "[-13.0 + 7.0 * _ROOT, -13.0"),
     ("Radau", "nodes", RADAU, "(4.0 - _ROOT) / 10.0, (4.0", "(4.0 - 1.01 * _ROOT) / 10.0, (4.0"),
+    ("q (2.6)", "deaths", TUMOUR, "return alpha * (birth * (1.0 - alpha) - death)", "return alpha * (birth * (1.0 - alpha) + death)"),
+    ("Sigma (2.5)", "alpha*", TUMOUR, "sigma_width) * gamma * (alpha - alpha_star) / (free * free)\n\n\ndef contact_stress_slope",
+     "sigma_width) * gamma * (alpha + alpha_star) / (free * free)\n\n\ndef contact_stress_slope"),
+    ("P (2.22a)", "neo-Hookean", TUMOUR, "return mu * (l_r - 1.0 / l_r) + vol", "return mu * (l_r + 1.0 / l_r) + vol"),
+    ("P (2.22a)", "lambda", TUMOUR, "volumetric = lam * J * (J - 1.0)", "volumetric = -lam * J * (J - 1.0)"),
+    ("sigma (2.4)", "lambda", TUMOUR, "volumetric = lam * alpha * (e_r", "volumetric = -lam * alpha * (e_r"),
+    ("M", "1 - alpha", TUMOUR, "return kappa * alpha / (1.0 - alpha)", "return kappa * alpha / (1.0 + alpha)"),
+    ("elastic, momentum", "force on a face", ELASTIC, "return -force / work[_AREA, f]", "return force / work[_AREA, f]"),
+    ("elastic, momentum", "hoop force", ELASTIC, "volume * (P_t * by_m - P_r / h)", "volume * (-P_t * by_m - P_r / h)"),
+    ("elastic, flow", "contact", ELASTIC, "step = load_step(d, work, f) + work", "step = load_step(d, work, f) - work"),
+    ("elastic, flow", "p_out", ELASTIC, "return step + d.p_out if f", "return step - d.p_out if f"),
+    ("elastic, cells", "step as printed", ELASTIC, "source -= d.rate * (J", "source += d.rate * (J"),
+    ("elastic, oxygen", "uptake", ELASTIC, "= outer - inner - taken", "= outer - inner + taken"),
+    ("viscous, cells", "motion of the grid", VISCOUS, "- d.s[f] * V\n            leaving", "+ d.s[f] * V\n            leaving"),
+    ("viscous, cells", "transport", VISCOUS, "= source - (leaving - through) / share", "= source + (leaving - through) / share"),
+    ("viscous, momentum", "contact", VISCOUS, "+ work[_CONTACT, f] - work[_CONTACT, i]", "- work[_CONTACT, f] + work[_CONTACT, i]"),
+    ("viscous, momentum", "p_out", VISCOUS, "y, work, f) - d.p_out - work", "y, work, f) + d.p_out - work"),
+    ("viscous, oxygen", "uptake", VISCOUS, "outer - inner - W * share", "outer - inner + W * share"),
+    ("viscous, surface", "V = a u", VISCOUS, "= V, V - work[_AREA, N]", "= V, V + work[_AREA, N]"),
+    ("TR-BDF2", "past of the second stage", TRBDF2, "(1.0 - GAMMA) ** 2 * y[k]) / (G", "(1.0 + GAMMA) ** 2 * y[k]) / (G"),
 ]  # fmt: skip
 
 PATIENCE = 240.0
 TANGENT = ["tests/plaque1d/test_lines.py", "-k", "tangent or assembles"]
 MATHEMATICS = [f"tests/plaque1d/test_{name}.py" for name in ("dispersion", "annulus", "manufactured_lines", "lines", "exact")]
+TUMOUR_TANGENT = [f"tests/tumour/test_{name}.py" for name in ("elastic_tangent", "viscous_tangent", "fipy")]
+TUMOUR_MATHEMATICS = [
+    f"tests/tumour/test_{name}.py"
+    for name in ("equations", "exact", "elastic_exact", "elastic_manufactured", "viscous_manufactured", "viscous", "elastic_runs")
+]
+INTEGRATION = ["tests/multiphase/test_trbdf2.py"]
 
 
 def first_failure(tree: Path, tests: list[str]) -> str:
@@ -90,14 +117,17 @@ def main() -> None:
     for equation, term, file, old, new in MUTATIONS[first:]:
         with tempfile.TemporaryDirectory() as folder:
             tree = Path(folder)
-            for name in ("multiphase", "plaque1d", "tests"):
+            for name in ("multiphase", "plaque1d", "tumour", "tests"):
                 shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
             shutil.copy(ROOT / "pyproject.toml", tree)
             text = (tree / file).read_text(encoding="utf-8")
             if text.count(old) != 1:
                 raise SystemExit(f"{file}: {old!r} stands there {text.count(old)} times")
             (tree / file).write_text(text.replace(old, new), encoding="utf-8")
-            print(f"| {equation} | {term} | {first_failure(tree, TANGENT)} | {first_failure(tree, MATHEMATICS)} |", flush=True)
+            tangent, mathematics = (TUMOUR_TANGENT, TUMOUR_MATHEMATICS) if file.startswith("tumour/") else (TANGENT, MATHEMATICS)
+            if file == TRBDF2:
+                tangent = mathematics = INTEGRATION
+            print(f"| {equation} | {term} | {first_failure(tree, tangent)} | {first_failure(tree, mathematics)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -58,7 +58,8 @@ def run(case: Case, cells: int, t_end: float) -> tuple[float, float, float, floa
     """Radius and necrotic radius at the end, seconds, and the largest relative defect of the balance of cells."""
     parameters = TumourParameters(**{"mobility": "printed", **case.parameters})
     geometry = TumourGeometry(**{"kind": "disk", **case.geometry})
-    result = simulate(parameters, geometry=geometry, t_end=t_end, cells=cells, **case.solver)
+    # stored at multiples of the fixed step, which would be cut short otherwise
+    result = simulate(parameters, geometry=geometry, t_end=t_end, cells=cells, save_every=0.5, **case.solver)
     defect = float(np.abs(result["defect_cells"]).max())
     return float(result["radius"][-1]), float(result["necrotic_radius"][-1]), result.stats["wall_s"], defect
 

@@ -170,7 +170,8 @@ def newton_step(
         for k in range(total):
             y[k] += (share if share > 0.0 else 1.0) * w.vector[k]
         if share == 0.0:
-            return OUT_OF_BOUNDS, iteration, float(admit(d, y, w.model))
+            broken = admit(d, y, w.model)
+            return (OUT_OF_BOUNDS, iteration, float(broken)) if broken else (DIVERGED, iteration, change)
         rate = change / last if last > 0.0 else 1.0
         if change * min(1.0, rate) <= tolerance and share == 1.0:
             broken = admit(d, y, w.model)

@@ -15,9 +15,9 @@ collocation polynomial through y and the three stages gives the solution, to the
 A model brings the compiled functions of `multiphase.newton`. Algebraic unknowns do not enter the norm, and small steps reveal nothing of
 them, so every step begins by projecting them.
 
-One tangent serves all iterations of a step. Where a law has a kink and the body is stiff on one side of it, that fails at any usable step,
-and TR-BDF2 (`multiphase.trbdf2`), which takes the tangent anew in every iteration, takes the step instead; the next one is tried with
-Radau again. Where the error is not controlled the step is halved first.
+One tangent serves all iterations of a step. Where a law has a kink and the body is stiff on one side of it, that fails at any usable
+step, and TR-BDF2 (`multiphase.trbdf2`), which takes the tangent anew in every iteration, takes the step instead, and the next few. Where
+the error is not controlled the step is halved first.
 """
 
 from __future__ import annotations
@@ -54,6 +54,8 @@ MU, LAMBDA, T, T_INVERSE = _transformation()
 
 MOST_ITERATIONS = 8
 SAFETY = 0.9
+RETRY = 4
+"""After a step of TR-BDF2 Radau is tried again where the count of steps is a multiple of this."""
 HALVINGS = 3
 """With a fixed step nothing controls the error of a lower order: it is halved this many times before TR-BDF2 takes its place."""
 
@@ -202,7 +204,7 @@ def advance(
     mass : (size + border,) array
         The diagonal of M, 0 or 1.
     times, past : (4,), (4, total) array
-        The last point and the stages before it, newest first, of which `points` (1 or 4) count. Overwritten.
+        The last point and the stages before it, newest first, of which `points` (1, 3 after TR-BDF2, or 4) count. Overwritten.
     dt, fixed : float
         Step to try next; the step to keep to without error control, or 0.
     tolerance : float
@@ -232,7 +234,8 @@ def advance(
                     work.scratch)  # fmt: skip
             if not project(data, past[0], work.f_0, work.jac):
                 break
-        reason, accepted, robust = INEXACT, False, False
+        reason, accepted = INEXACT, False
+        robust = points == 3 and fixed == 0.0 and counters[0] % RETRY > 0
         for trial in range(attempts):
             goal = landing(t, dt, stop)
             h = goal - t
@@ -242,15 +245,18 @@ def advance(
                 code, iterations, change = two_stages(data, mass, t, past[0], h, middle, candidate, work)
                 error = change
             else:
-                known = points if trial == 0 else 1  # a bad guess may be what failed
+                # A bad guess may be what failed; and past a kink the last polynomial leads to its soft side, where changes by a stiff
+                # tangent are small whatever the error.
+                known = points if trial == 0 and points == 4 else 1
                 code, iterations, change = solve_stages(data, mass, times, past, known, h, tolerance, work)
             counters[3] += iterations
             if code != DONE:
                 counters[2] += 1
                 reason, report[0], report[1] = code, h, change
-                if robust or fixed > 0.0:
+                if not robust and (fixed == 0.0 or h <= 0.5**HALVINGS * fixed):
+                    robust = True
+                else:
                     dt = 0.5 * h
-                robust = fixed == 0.0 or trial >= HALVINGS
                 continue
             if robust:
                 factor = SAFETY * max(error, 1e-10) ** (-1.0 / 3.0)
@@ -262,7 +268,7 @@ def advance(
             if fixed == 0.0 and not error <= 1.0:
                 counters[1] += 1
                 reason, report[0], report[1] = INEXACT, h, error
-                dt = h * max(0.2, min(0.9, factor))
+                dt = h * (max(0.2, min(0.9, factor)) if factor > 0.2 else 0.2)  # 0.2, too, for an error that is not a number
                 continue
             broken = admit(data, candidate, work.model)
             if broken:

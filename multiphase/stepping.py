@@ -138,7 +138,7 @@ class State:
     Attributes
     ----------
     times : (m,) array
-        The last m <= 3 times, newest first.
+        The last m <= 4 times, newest first.
     u : (m, size) array
         The vectors at these times.
     dt : float

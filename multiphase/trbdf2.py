@@ -3,7 +3,7 @@ r"""TR-BDF2 for ``M y' = f(t, y)``: a step of order two with full Newton iterati
 The trapezoidal rule to ``t + gamma h``, then BDF2 through both points to ``t + h`` (Bank et al., IEEE Trans. Comput.-Aided Des. 4, 1985);
 with ``gamma = 2 - sqrt 2`` both stages have the matrix ``alpha M - J``, ``alpha = 2/(gamma h)``, and the step is L-stable:
 
-    alpha M (y_1 - y - h f(y)/(alpha h)) = f(y_1),        alpha M (y_2 - (y_1 - (1-gamma)^2 y)/(gamma (2-gamma))) = f(y_2)
+    alpha M (y_1 - y - f(y)/alpha) = f(y_1),        alpha M (y_2 - (y_1 - (1-gamma)^2 y)/(gamma (2-gamma))) = f(y_2)
 
 Algebraic rows hold at the end of both stages. The local error is that of Hosea & Shampine (Appl. Numer. Math. 20, 1996), the difference
 to a formula of order three in ``f(y), f(y_1), f(y_2)``, filtered by the matrix. Linear invariants of f hold after each iteration.
@@ -26,7 +26,7 @@ ERROR_WEIGHTS = np.array([(1.0 - 4.0 * _W) / 3.0, 1.0 / 3.0, -2.0 * HALF_GAMMA /
 TOLERANCE = 3e-3
 """Change at which Newton's method ends, in units of the tolerated error."""
 MOST_ITERATIONS = 12
-CAUTION = 2.0
+CAUTION = 3.0
 """What the local error is multiplied with: a method of low order leaves more of it in the end than its neighbour of order five."""
 
 rates = size_of = reach = resolve = newton_step = of_the_model

@@ -118,13 +118,15 @@ def critical_oxygen(alpha: float, s1: float, s2: float, s3: float, s4: float) ->
 
 
 def oxygen_uptake(alpha: Number, C: Number, Q: float, Q1_hat: float) -> Number:
-    """Oxygen that the cells take up, ``Q alpha C/(1 + Q1_hat C)``: the sink -q_C of section 2.1."""
-    return Q * alpha * C / (1.0 + Q1_hat * C)
+    """Oxygen that the cells take up, ``Q alpha C/(1 + Q1_hat C)``: the sink -q_C of section 2.1. Linear for C < 0, where an iteration may
+    pass: the law's own branch beyond C = -1/Q1_hat would lead it to another, meaningless solution."""
+    taken: Number = Q * alpha * C / (1.0 + Q1_hat * np.maximum(C, 0.0))
+    return taken
 
 
 def oxygen_uptake_slopes(alpha: Number, C: Number, Q: float, Q1_hat: float) -> tuple[Number, Number]:
     """Derivatives of `oxygen_uptake` with respect to alpha and C."""
-    below = 1.0 + Q1_hat * C
+    below = 1.0 + Q1_hat * np.maximum(C, 0.0)
     return Q * C / below, Q * alpha / (below * below)
 
 

@@ -10,7 +10,8 @@ cell: ``W alpha_i``, ``C_i``, and the velocity ``u_{i+1}`` of the cells on the o
     dW/dt = V,     0 = V - a_N u_N
 
 alpha is taken from the side that c comes from, with limited slopes (`multiphase.transport`); ``c = a u - s V`` is the flux of volume
-through the moving face, and as s and V are linear in the state, a uniform alpha stays uniform where nothing moves, whatever the steps.
+through the moving face, and as s V is linear in the state, a uniform alpha stays uniform where the cells stand still, whatever V and
+the steps.
 
 Momentum (2.4), with the fluid's ``p_r = zeta u``, zeta = 1/M, from the balance of the mixture: a cell has the strain rates
 ``e_r = Delta u/Delta r`` and e_t with ``e_r + (m-1) e_t = Delta(a u)/(W Delta s)`` exactly, so a uniform growth u ~ r has e_t = e_r to
@@ -34,7 +35,7 @@ from multiphase import transport
 from multiphase.banded import factor as _factor
 from multiphase.banded import solve as _solve
 from tumour import laws as law
-from tumour.radial import area_of, hoop_stretch, radius_of
+from tumour.radial import area_of, hoop_stretch, no_less_than_none, radius_of
 
 Array = Any
 
@@ -77,6 +78,7 @@ class Data(NamedTuple):
     hypoxic: float
     necrotic: float
     limiter: bool
+    least: float
 
 
 # Rows of the work space: values in cells (N) or on faces (N + 1).
@@ -346,23 +348,8 @@ def size_of(d: Data, y: Array, e: Array) -> float:
 
 @njit(error_model="numpy")
 def bounded(d: Data, y: Array) -> None:
-    """Bring alpha back to 0 or more with the sum of cells kept: what is missing is taken from all cells in proportion to what they have.
-    Where none are left, what is missing beyond them are deaths that are undone, so the balance holds."""
-    N = d.cells
-    missing = present = 0.0
-    for i in range(N):
-        amount = y[STRIDE * i] * (d.s[i + 1] - d.s[i])
-        if amount < 0.0:
-            missing -= amount
-        else:
-            present += amount
-    if missing == 0.0:
-        return
-    share = 1.0 - missing / present if present > missing else 0.0
-    if missing > present:
-        y[STRIDE * N + BORDER] += missing - present
-    for i in range(N):
-        y[STRIDE * i] = max(y[STRIDE * i], 0.0) * share
+    """Bring alpha back to 0 or more with the sum of cells kept: see `tumour.radial.no_less_than_none`."""
+    no_less_than_none(d.cells, d.s, y, STRIDE * d.cells + BORDER)
 
 
 @njit(error_model="numpy")
@@ -371,7 +358,7 @@ def admit(d: Data, y: Array, work: Array) -> int:
     than rtol (3), or p_out pulls at a surface without cells (4); 0 otherwise, with alpha brought back to 0 or more."""
     N = d.cells
     W = y[STRIDE * N]
-    if not W > 0.0:
+    if not d.least < W:
         return 1
     for i in range(N):
         if not -d.rtol * W <= y[STRIDE * i] < W:

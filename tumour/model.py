@@ -179,7 +179,7 @@ def _dropped(p: TumourParameters, geometry: TumourGeometry) -> tuple[str, ...]:
         "the fluid's fraction and velocity: 1 - alpha, and what makes the mixture's flux zero",
     ]
     if p.kappa == 0.0:
-        dropped.append("the flow of the fluid: kappa = 0 lets it flow freely at p = p_out, so the body is at rest under its stress")
+        dropped.append("the flow of the fluid: kappa = 0 lets it flow freely at p = p_out, so that stresses balance at each moment")
     if geometry.m == 1:
         dropped.append("what happens along the slab: it is kept from moving sideways")
     return tuple(dropped)
@@ -215,7 +215,22 @@ def _may_buckle(scene: Scene) -> bool:
     if geometry.eulerian or geometry.m != 2 or not p.lambda_alpha < STEADY_LAMBDA or not scene.time.end > BUCKLING_TIME:
         return False
     paper = TumourParameters(**find_preset("paper").parameters)
-    names = ("mu_alpha", "kappa", "gamma", "alpha_star", "alpha_min", "s1", "s2", "s3", "s4", "Q", "C_out")
+    names = (
+        "mu_alpha",
+        "kappa",
+        "gamma",
+        "alpha_star",
+        "alpha_min",
+        "s1",
+        "s2",
+        "s3",
+        "s4",
+        "Q",
+        "C_out",
+        "p_out",
+        "Q1_hat",
+        "sigma_width",
+    )
     near = all(abs(getattr(p, name) - getattr(paper, name)) <= 0.2 * abs(getattr(paper, name)) for name in names)
     return near and 0.8 <= geometry.radius <= 1.25
 

@@ -40,8 +40,10 @@ def cell_averages(function: Callable[..., Array], faces: Array, m: int) -> Array
 
 @njit(error_model="numpy")
 def radius_below(level: float, R: float, C_out: float, rho: Any, C: Any) -> float:
-    """Radius within which oxygen is below a level: 0 if it nowhere is, R if it is at the surface. C is taken as linear in r^2 between
-    the points `rho` and out to the surface, and in from the first one, so it is of second order at the centre, too."""
+    """Radius within which oxygen is below a level: 0 if it nowhere is, R if it is at the surface, NaN if there is no level. C is taken as
+    linear in r^2 between the points `rho` and out to the surface, and in from the first one: of second order at the centre, too."""
+    if np.isnan(level):
+        return np.nan
     outer, C_outer = R, C_out
     if C_outer < level:
         return R
@@ -115,6 +117,7 @@ def record_elastic(d: radial.Data, t: float, y: Any, slope: Any, start: Any, fie
     N, m = d.cells, d.m
     work, out = np.empty((radial.WORK_ROWS, N + 1)), np.empty(y.size)
     single = len(slope) == 0
+    radial.no_less_than_none(N, d.V, y, 3 * N)
     rate = elastic_growth(d, t, y, out, work) if single else 0.0
     radial._prepare(d, y, work, False)
     if not single:

@@ -13,8 +13,8 @@ volume at rest), ``C_i``, and ``v_{i+1}`` on its outer face. With ``a = r^(m-1)`
     d v_f/dt   = a_f Delta p_f / (zeta_f Delta rho_f),           zeta = 1/M, the mean of both cells     (2.22c)
     0 = [a Delta C/Delta rho]_{i+1} - [a Delta C/Delta rho]_i - Delta v_i Q alpha_i C_i/(1 + Q1_hat C_i)   (2.22d)
 
-The momentum balance (2.22a) gives the pressure. Let ``F_f = dE/dr_f`` be the force that the elastic energy
-``E = sum Delta V_i W(l_r, l_t)`` exerts on face f, and T = p + alpha Sigma. The work of T in a change of r_f is ``(T_{f-1} - T_f) a_f``, so
+The momentum balance (2.22a) gives the pressure. Let ``F_f = dE/dr_f`` be the force that holds face f against the
+elastic energy ``E = sum Delta V_i W(l_r, l_t)``, and T = p + alpha Sigma. The work of T in a change of r_f is ``(T_{f-1} - T_f) a_f``, so
 
     T_f - T_{f-1} = -F_f/a_f    inside,      T_{N-1} = F_N/a_N    at the surface, which is free of traction,
 
@@ -46,6 +46,10 @@ BORDER = 0
 INTEGRALS = 1
 """The integral over time of the cells born less those that died, per unit of V."""
 
+FLOOR = 1e-8
+"""Least cell fraction in the resistance, which keeps the flow regular where all cells have died."""
+MOST_SWOLLEN = 1e9
+"""Volume ratio J above which a body has no ceiling: a step that passes it is refused."""
 LEAST_SHARE = 0.1
 """Newton changes leave at least this share of the distance to J = 0, alpha = 0 and alpha = 1."""
 
@@ -120,6 +124,27 @@ def hoop_stretch(r_m: float, r_p: float, R_m: float, R_p: float, m: int) -> tupl
 
 
 @njit(error_model="numpy")
+def no_less_than_none(cells: int, volumes: Array, y: Array, born: int) -> None:
+    """Bring the cells' amounts ``y[3 i]``, per volume as `volumes` counts it up to each face, back to 0 or more with their sum kept: what
+    is missing is taken from all in proportion to what they have. Where none are left, what is missing beyond them are deaths that are
+    undone in their integral ``y[born]``, so the balance holds."""
+    missing = present = 0.0
+    for i in range(cells):
+        amount = y[STRIDE * i] * (volumes[i + 1] - volumes[i])
+        if amount < 0.0:
+            missing -= amount
+        else:
+            present += amount
+    if missing == 0.0:
+        return
+    share = 1.0 - missing / present if present > missing else 0.0
+    if missing > present:
+        y[born] += missing - present
+    for i in range(cells):
+        y[STRIDE * i] = max(y[STRIDE * i], 0.0) * share
+
+
+@njit(error_model="numpy")
 def _face(y: Array, f: int) -> float:
     """v on face f."""
     return y[STRIDE * (f - 1) + 2] if f > 0 else 0.0
@@ -161,11 +186,12 @@ def _prepare(d: Data, y: Array, work: Array, slopes: bool) -> None:
     work[_GAP, 0], work[_GAP, N] = 1.0, radius[N] - work[_RHO, N - 1]
     for i in range(N):
         work[_CONTACT, i] = law.contact_pressure(alpha[i], d.gamma, d.alpha_star, d.alpha_min, d.sigma_width)
-        work[_ZETA, i] = law.resistance(alpha[i], d.kappa, d.law, d.floor)
+        work[_ZETA, i] = law.resistance(law.floored(alpha[i], FLOOR), d.kappa, d.law, d.floor)
     if slopes:
         for i in range(N):
             work[_CONTACT_A, i] = _contact_slope(d, alpha[i])
-            work[_ZETA_A, i] = law.resistance_slope(alpha[i], d.kappa, d.law, d.floor)
+            slope = law.resistance_slope(law.floored(alpha[i], FLOOR), d.kappa, d.law, d.floor)
+            work[_ZETA_A, i] = slope * law.floored_slope(alpha[i], FLOOR)
     for i in range(N):
         volume, l_r = d.V[i + 1] - d.V[i], (radius[i + 1] - radius[i]) / h
         l_t, by_m, by_p, by_mm, by_mp, by_pp = hoop_stretch(radius[i], radius[i + 1], d.R[i], d.R[i + 1], m)
@@ -374,14 +400,16 @@ def size_of(d: Data, y: Array, e: Array) -> float:
 
 @njit(error_model="numpy")
 def admit(d: Data, y: Array, work: Array) -> int:
-    """Refuses a step after which a cell is turned inside out (1), alpha has left (0, 1) (2), or C is negative by more than rtol (3);
-    0 otherwise."""
+    """Refuses a step after which a cell is turned inside out (1), alpha has left (0, 1) (2), C is negative by more than rtol (3), or a
+    cell is swollen beyond all measure (4); 0 otherwise."""
     inner = 0.0
     for i in range(d.cells):
         outer, phi = y[STRIDE * i + 2], y[STRIDE * i]
         J = (outer - inner) / (d.V[i + 1] - d.V[i])
         if not J > 0.0:
             return 1
+        if J > MOST_SWOLLEN:
+            return 4
         if not (phi > 0.0 and phi < J):
             return 2
         if not y[STRIDE * i + 1] > -d.rtol * max(1.0, d.C_out):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multiphase import lines, newton, transport
+from multiphase.errors import SolverError
 from multiphase.geometry import MovingGrid
 from multiphase.lines import Kernel
 from tumour import equations as eq
@@ -75,6 +76,7 @@ class Elastic(Radial):
         1: "a cell is turned inside out (J <= 0)",
         2: "the cell fraction alpha leaves (0, 1)",
         3: "oxygen falls below 0 by more than rtol",
+        4: "cells are swollen more than 1e9-fold: nothing bounds the body; raise lambda_alpha, or lower p_out",
     }
     kink_band = 0.0
     """How far below alpha_min the tangent takes cells as in contact, in units of rtol."""
@@ -94,8 +96,23 @@ class Elastic(Radial):
         y = np.zeros(radial.STRIDE * N + radial.INTEGRALS)
         y[0 : 3 * N : 3], y[1 : 3 * N : 3], y[2 : 3 * N : 3] = alpha, self.constants.C_out, V[1:]
         y = self.consistent(0.0, y)
+        if not self._at_rest(y) or self.kernel["admit"](self.constants, y.copy(), self.work.model):
+            raise SolverError(
+                "no equilibrium was found at t = 0: with kappa = 0 the body takes one at once, and here there is none, or none near the "
+                "body at rest. Take a small kappa, 1e-3 for instance, which lets it go there in time; or lower p_out, or raise "
+                "lambda_alpha.",
+                time=0.0,
+            )
         self.start = np.array([float(np.sum(alpha * np.diff(V))), y[3 * N - 1], self.geometry.unit_size])
         self._initial = y
+
+    def _at_rest(self, y: Array) -> bool:
+        """Whether the algebraic rows hold, to a millionth of what their terms change by with the unknowns."""
+        w, free = self.work, self.mass == 0.0
+        self.kernel["rates"](self.constants, 0.0, y, w.f_0, w.model)
+        terms = np.max(np.abs(w.jac), axis=1)[free] * np.maximum(np.abs(y[: len(free)]), 1e-3)[free]
+        with np.errstate(invalid="ignore"):
+            return bool(np.all(np.abs(w.f_0[: len(free)][free]) <= 1e-6 * terms))
 
 
 class ElasticLines(Elastic, lines.Implicit):
@@ -124,7 +141,7 @@ class Viscous(Radial):
     kernel = VISCOUS
     fields = observation.VISCOUS_FIELDS
     bounds: ClassVar[Mapping[int, str]] = {
-        1: "the body has no size left",
+        1: "the body has no size left (its radius is below 1e-12 of that at t = 0)",
         2: "the cell fraction alpha leaves [0, 1)",
         3: "oxygen falls below 0 by more than rtol",
         4: "no cells are left at the surface to bear p_out, which then tears the body apart; lower p_out, or raise mu_alpha",
@@ -134,13 +151,12 @@ class Viscous(Radial):
     def _build(self, initial: TumourInitial) -> None:
         N, m = self.cells, self.m
         s = self.grid.faces**m
-        self.constants = eulerian.Data(s=s, limiter=self.limiter, **self._common())
+        W = self.geometry.radius**m / m
+        self.constants = eulerian.Data(s=s, limiter=self.limiter, least=1e-12**m * W, **self._common())
         self.mass = np.concatenate([np.tile([1.0, 0.0, 0.0], N), [1.0, 0.0]])
         model = np.zeros((eulerian.WORK_ROWS, N + 1))
         self.work = newton.workspace(eulerian.STRIDE * N, eulerian.HALF, eulerian.BORDER, eulerian.INTEGRALS, model)
-        radius = self.geometry.radius
-        W = radius**m / m
-        alpha = observation.cell_averages(initial.alpha, radius * self.grid.faces, m)
+        alpha = observation.cell_averages(initial.alpha, self.geometry.radius * self.grid.faces, m)
         y = np.zeros(eulerian.STRIDE * N + eulerian.BORDER + eulerian.INTEGRALS)
         y[0 : 3 * N : 3], y[1 : 3 * N : 3], y[3 * N] = W * alpha, self.constants.C_out, W
         y = self.consistent(0.0, y)

@@ -12,7 +12,8 @@ import numpy as np
 from multiphase.errors import ParameterError
 from multiphase.result import Array, Result
 
-SAME_POSITION = 1e-6  # in relative position: far above rounding, far below a cell
+SAME_SHARE = 0.25
+"""Part of a cell by which the same share of a body may lie elsewhere in two runs: their error, not another way to divide it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,18 +111,21 @@ def _field_distance(name: str, a: Result, b: Result) -> Array:
     """Mean over the coarser cells of the difference of cell averages, at each time."""
     first, second = equal_cells(name, a), equal_cells(name, b)
     cells = min(first.shape[1], second.shape[1])
+    places = [cell_averages(r.x / width[:, None], cells) for r in (a, b) if r.x is not None and (width := r.width()) is not None]
+    if np.max(np.abs(places[0] - places[1])) > SAME_SHARE / cells:
+        raise ParameterError(name, "the cells of these runs divide the body in different ways, so that their values cannot be compared.")
     return np.asarray(np.mean(np.abs(cell_averages(first, cells) - cell_averages(second, cells)), axis=1))
 
 
 def equal_cells(name: str, result: Result) -> Array:
-    """Values of a field on equal cells of an interval; raises ParameterError for another mesh."""
+    """Values of a field on cells that are equal shares of a one-dimensional body, of its length, of its area, or as it was at rest;
+    raises ParameterError for another mesh."""
     values = np.asarray(result[name], dtype=float)
-    width = result.width() if values.ndim == 2 and result.x is not None else None
-    if values.ndim == 2 and result.x is not None and width is not None:
-        middle = (np.arange(values.shape[1]) + 0.5) / values.shape[1]
-        if result.x.shape == values.shape and np.allclose(result.x / width[:, None], middle, rtol=0.0, atol=SAME_POSITION):
-            return values
-    raise ParameterError(name, "this field does not stand on equal cells of an interval, and a study measures errors on those only.")
+    if values.ndim == 2 and result.x is not None and result.x.shape == values.shape and np.all(np.diff(result.x, axis=1) > 0.0):
+        return values
+    raise ParameterError(
+        name, "this field does not stand on the cells of a one-dimensional body, and a study measures errors on those only."
+    )
 
 
 def pareto(seconds: Sequence[float], errors: Sequence[float], floor: float = 0.0) -> list[bool]:

@@ -26,8 +26,8 @@ class Model:
 
     Attributes
     ----------
-    norm : "differential" or "all"
-        Whether algebraic unknowns enter `size_of`, which is the largest change in units of `tolerance`.
+    counted : sequence of float
+        What changes are multiplied with in `size_of`, the largest of them in units of `tolerance`; without algebraic unknowns if not given.
     bound : callable
         ``bound(y)``, what `admit` returns.
     inside : callable
@@ -43,6 +43,7 @@ class Model:
         border: int = 0,
         integrals: int = 0,
         tolerance: float = 1e-6,
+        counted: Sequence[float] | None = None,
         bound: Callable[[Any], int] = lambda y: 0,
         inside: Callable[[Any], bool] = lambda y: True,
         slopes: Callable[[float, Any], Any] | None = None,
@@ -51,6 +52,7 @@ class Model:
         self.size = len(mass) - border
         self.total = len(mass) + integrals
         self.weights = np.append(self.mass, np.ones(integrals))
+        self.counted = self.weights if counted is None else np.array(counted)
         self.tolerance, self.bound, self.inside, self.slopes = tolerance, bound, inside, slopes or self.by_complex_step
         self.work = newton.workspace(self.size, half, border, integrals, np.zeros(1))
         self.shares: list[float] = []
@@ -83,7 +85,7 @@ def tangent(d: Model, t: float, y: Any, f: Any, jac: Any, columns: Any, rows: An
 
 
 def size_of(d: Model, y: Any, e: Any) -> float:
-    d.sizes.append(float(np.max(d.weights * np.abs(e))) / d.tolerance)
+    d.sizes.append(float(np.max(d.counted * np.abs(e))) / d.tolerance)
     return d.sizes[-1]
 
 
@@ -151,7 +153,10 @@ def integrators() -> Iterator[Any]:
         for module in (compiled, newton, radau):
             patch.setattr(module, "compiled", plain)
         kernel: Any = lines.Kernel(**FUNCTIONS)
-        step, stages = kernel.newton_step, plain(trbdf2.two_stages, **FUNCTIONS, resolve=plain(newton.resolve), newton_step=kernel.newton_step)
+        step, stages = (
+            kernel.newton_step,
+            plain(trbdf2.two_stages, **FUNCTIONS, resolve=plain(newton.resolve), newton_step=kernel.newton_step),
+        )
         _ = kernel.advance, kernel.record_all
         yield SimpleNamespace(
             newton_step=step, two_stages=stages, kernel=kernel, Model=Model, Body=partial(Body, kernel), plain=plain, functions=FUNCTIONS
