@@ -100,8 +100,8 @@ def test_radau_comes_back_after_the_last_kink(integrators: Any) -> None:
     crossing = [state.t for state in states if len(state.times) == 3]
     after = [len(state.times) for state in states if state.times[-1] > 0.75]
     assert crossing
-    assert after.count(3) < radau.RETRY
-    assert after[-1] == 4
+    assert after.count(3) < 2 * radau.RETRY
+    assert 4 in after
 
 
 def smooth(t: float, y: Any) -> Any:

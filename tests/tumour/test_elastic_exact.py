@@ -102,7 +102,7 @@ def test_the_radius_below_a_level_nowhere_or_everywhere() -> None:
     assert below(1.0, 2.0, 1.0, rho, C) == pytest.approx(2.0, rel=1e-15)
     assert below(0.5, 2.0, 0.5, rho, np.full(10, 0.5)) == 0.0  # nothing is below the level where C is it everywhere
     assert below(0.6, 2.0, 0.5, rho, np.full(10, 0.5)) == 2.0
-    assert below(np.nan, 2.0, 1.0, rho, C) == 0.0  # kinetics without a level
+    assert np.isnan(below(np.nan, 2.0, 1.0, rho, C))  # kinetics without a level
 
 
 @DIMENSIONS
