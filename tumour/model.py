@@ -36,7 +36,7 @@ _QUANTITIES = (
     Quantity("volume", r"|\Omega|", "volume of the body", {"length": 3}, kind="scalar"),
     Quantity("cell_mass", r"\int \alpha", "cell fraction, integrated over the dimensionless body", kind="scalar"),
     Quantity("growth_rate", "R'", "growth rate of the radius", VELOCITY, kind="scalar"),
-    Quantity("doubling_time", "T_2", "time in which the size would double at its present rate", {"time": 1}, kind="scalar"),
+    Quantity("doubling_time", "T_2", "doubling time of the size", {"time": 1}, kind="scalar"),
     Quantity("C_min", r"C_\mathrm{min}", "least oxygen", {"concentration": 1}, kind="scalar"),
     Quantity("necrotic_fraction", r"\phi_\mathrm{nec}", "share of the body with C below C_necrotic", kind="scalar"),
     Quantity("necrotic_radius", r"R_\mathrm{nec}", "radius within which C is below C_necrotic", LENGTH, kind="scalar"),
@@ -47,8 +47,8 @@ _QUANTITIES = (
 )
 
 _PANELS = (
-    Panel("scalar", ("radius", "hypoxic_radius", "necrotic_radius"), "Radius: surface, hypoxia, necrosis"),
-    Panel("scalar", ("growth_rate",), "Growth rate"),
+    Panel("scalar", ("radius", "hypoxic_radius", "necrotic_radius", "rim_width"), "Radius: surface, hypoxia, necrosis; living rim"),
+    Panel("scalar", ("growth_rate", "doubling_time"), "Growth rate and doubling time"),
     Panel("spacetime", ("alpha",), "Cell fraction, lines as above"),
     Panel("spacetime", ("C",), "Oxygen, lines as above"),
     Panel("ring", ("alpha",), "Section through the centre"),

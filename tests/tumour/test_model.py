@@ -324,7 +324,7 @@ def test_the_standard_figure(geometry: str) -> None:
     assert ("Displacement" in drawn) == (geometry != "viscous")
     assert ("Velocity of the cells" in drawn) == (geometry == "viscous")
     assert ("Size of the stress" in drawn) == (geometry != "slab")  # across which it is 0: nothing acts on its faces
-    for title in ("Cell fraction", "Oxygen", "Fluid pressure", "Growth rate"):
+    for title in ("Cell fraction", "Oxygen", "Fluid pressure", "Growth rate and doubling time"):
         assert title in drawn
     assert drawn["Oxygen"].get_xlabel() == "distance from the middle r"
 
