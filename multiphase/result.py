@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from multiphase.errors import ParameterError
+from multiphase.mesh import Mesh
 from multiphase.model import find_model
 
 Array = npt.NDArray[Any]
@@ -32,10 +33,12 @@ class Result:
     t : ndarray, shape (nt,)
         Stored times.
     x : ndarray, shape (nt, cells), or None
-        Positions of the cell centres at each time.
+        Positions of the cell centres at each time; None in two dimensions.
+    mesh : Mesh or None
+        The triangles of a two-dimensional body at rest; None in one dimension.
     scalars : dict of str to ndarray, shape (nt,)
-    fields : dict of str to ndarray, shape (nt, cells)
-        Values at the cell centres, index 0 innermost.
+    fields : dict of str to ndarray, shape (nt, cells), or (nt, points) or (nt, points, 2) in two dimensions
+        Values at the cell centres, index 0 innermost; in two dimensions at the points of the mesh.
     scene, scene_source : str
         The resolved scene (TOML, every value written out), and the text the user gave.
     plan : str
@@ -57,6 +60,7 @@ class Result:
     model: str
     t: Array
     x: Array | None = None
+    mesh: Mesh | None = None
     scalars: dict[str, Array] = field(default_factory=dict)
     fields: dict[str, Array] = field(default_factory=dict)
     scene: str = ""

@@ -57,12 +57,12 @@ class Solved:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """What is stored at one time: scalars, fields on the cells, positions of the cells."""
+    """What is stored at one time: scalars, fields on the cells or at the points of a mesh, positions of the cells (None on a mesh)."""
 
     t: float
     scalars: Mapping[str, float]
     fields: Mapping[str, Array]
-    x: Array
+    x: Array | None
 
 
 class Scheme(Protocol):

@@ -68,7 +68,7 @@ class Recorder(Tracker):
 
             scalars = {name: joined(result.scalars.get(name), [row.scalars[name] for row in rows]) for name in rows[0].scalars}
             fields = {name: joined(result.fields.get(name), [row.fields[name] for row in rows]) for name in names}
-            x = joined(result.x, [row.x for row in rows])
+            x = None if rows[0].x is None else joined(result.x, [row.x for row in rows])
             t = joined(result.t, [row.t for row in rows])
             # In one go, as Ctrl-C may strike anywhere in here.
             result = self.result = replace(result, t=t, scalars=scalars, fields=fields, x=x)
