@@ -186,13 +186,14 @@ def _info(options: argparse.Namespace) -> int:
             "t": float(result.t[-1]) if len(result.t) else None, "fields": list(result.fields), "scalars": last, "stats": result.stats,
             "versions": result.versions, "platform": result.platform, "threads": result.threads, "plan": plan_of(result),
             "scales": tomllib.loads(result.scene).get("scales"),
+            "nodes": len(result.mesh.points) if result.mesh else None, "triangles": len(result.mesh.triangles) if result.mesh else None,
         }  # fmt: skip
         print(json.dumps(data, indent=1, ensure_ascii=False))
         return DONE
-    cells = "" if result.x is None else f", {result.x.shape[1]} cells"
+    size = f", {result.size()}" if result.size() else ""
     rows = [("model", model.title), ("ended", f"{result.status}: {result.message}"), *model.summary(result), *_checkpoint(result)]
     rows += [
-        ("stored", f"{len(result.t)} time{'s' if len(result.t) != 1 else ''}{cells}; fields {', '.join(result.fields)}"),
+        ("stored", f"{len(result.t)} time{'s' if len(result.t) != 1 else ''}{size}; fields {', '.join(result.fields)}"),
         ("cost", cost_of(result)),
     ]
     rows += [("created", f"{result.created} on {result.platform}")]
@@ -386,7 +387,7 @@ def _parser() -> argparse.ArgumentParser:
         "--budget", type=_tolerance, default=120.0, metavar="SECONDS", help="time for all runs; what exceeds it is left out"
     )
     export = add("export", _export, "write a result in another format", file=result)
-    export.add_argument("-o", "--output", metavar="TABLE.csv", required=True)
+    export.add_argument("-o", "--output", metavar="FILE", required=True, help=".csv, tables; .vtkhdf, for ParaView, in two dimensions")
     export.add_argument("--dimensionless", action="store_true", help="leave the scene's scales aside")
     return parser
 

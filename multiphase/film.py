@@ -1,4 +1,4 @@
-"""Films of a growing domain."""
+"""Films of a growing domain: `Film` of one on a 1D grid, `BodyFilm` of one made of triangles."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from matplotlib.lines import Line2D
 from multiphase.errors import ParameterError
 from multiphase.model import Panel
 from multiphase.plotting.files import checked_path, replacing
-from multiphase.plotting.panels import draw_lines
+from multiphase.plotting.maps import Map, map_height
+from multiphase.plotting.panels import draw_lines, time_limits
 from multiphase.plotting.ring import Ring, radius_axis
 from multiphase.plotting.style import STYLE, TITLE_WIDTH, colour_map
 from multiphase.plotting.view import Array, View, at_times, limits, time_texts, view_of
@@ -30,6 +31,7 @@ FILMS = (".gif", ".mp4")
 FEW_TIMES, SMOOTH_FRAMES, MOST_FRAMES = 40, 100, 150
 BAND_PIXELS = 600
 WIDTH, RING_WIDTH = 7.0, 4.2  # inches: of a film, and what a round body adds to it
+MAP_WIDTH, MAP_MARGINS, BESIDE_WIDTH = 4.0, (1.4, 1.1), 3.4  # of a map, around it (across, along), and of the scalars beside it
 
 
 class Film:
@@ -45,15 +47,11 @@ class Film:
         x = view.result.x
         if x is None or view.edges is None or view.wall is None:
             raise ParameterError("", "a film needs fields on a one-dimensional grid, and this result has none; use plot instead.")
-        name = view.model.film
-        if name not in view.values:
-            raise ParameterError(
-                "output.fields", f"the film colours {name!r}, which this result does not hold; add it to output.fields and run again."
-            )
+        name = _field(view)
         self.times, self.texts, self.view = times, time_texts(times), view
         self.edges, self.x, self.wall = (at_times(view.t, values, times) for values in (view.edges, x, view.wall))
         self.colours = at_times(view.t, view.values[name], times)
-        panels = [panel for panel in view.model.panels if panel.kind == "profile" and view.drawable(panel)][:2]
+        panels = _panels(view, "profile")
         with matplotlib.rc_context(STYLE):
             beside = [] if view.inner is None else [RING_WIDTH / WIDTH]
             widths, heights = [*beside, 1.0, 0.025], [0.8] + [1.0] * len(panels)
@@ -115,7 +113,86 @@ class Film:
             self.ring.show(self.edges[frame], self.colours[frame])
         for line, values in self.profiles:
             line.set_data(self.x[frame], values[frame])
-        self.title.set_text(textwrap.fill(f"{self.view.title}, {self.view.time_text(self.texts[frame])}", TITLE_WIDTH))
+        self.title.set_text(_title(self.view, self.texts[frame]))
+
+
+class BodyFilm:
+    """The artists of a film of a two-dimensional body, made once and moved from frame to frame.
+
+    Its colours, with scalars against time beside it, on which a dot marks the time of the frame.
+
+    Parameters
+    ----------
+    view : View
+        Of a result on triangles.
+    times : ndarray (frames,)
+    """
+
+    def __init__(self, view: View, times: Array) -> None:
+        if view.body is None:
+            raise ParameterError(
+                "output.fields", "a film needs the displacement, which this result does not hold; add it to output.fields and run again."
+            )
+        name = _field(view)
+        self.times, self.texts, self.view, self.colours = times, time_texts(times), view, view.values[name]
+        panels, rows = _panels(view, "scalar"), range(len(view.t))
+        self.dots: list[tuple[Line2D, Array]] = []
+        with matplotlib.rc_context(STYLE):
+            across, along = MAP_MARGINS
+            wide, high = MAP_WIDTH + across, map_height(view, rows, MAP_WIDTH) + along
+            beside = [BESIDE_WIDTH] if panels else []
+            self.figure = Figure(figsize=(wide + sum(beside), max(high, 1.9 * len(panels) + 0.4)), layout="constrained")
+            FigureCanvasAgg(self.figure)
+            grid = self.figure.add_gridspec(max(len(panels), 1), 1 + len(beside), width_ratios=[MAP_WIDTH, *(0.6 * w for w in beside)])
+            self.map = Map(view, name, self.figure.add_subplot(grid[:, 0]), rows)
+            self.map.add_bar()
+            for row, panel in enumerate(panels):
+                self._make_scalars(panel, self.figure.add_subplot(grid[row, 1]), last=row == len(panels) - 1)
+            self.title = self.figure.suptitle(" ", parse_math=False)
+            self.show(len(times) - 1)
+            self.figure.draw_without_rendering()
+        self.figure.set_layout_engine("none")
+
+    def _make_scalars(self, panel: Panel, axes: Axes, *, last: bool) -> None:
+        view = self.view
+
+        def draw(side: Axes, name: str, style: str, colour: str) -> None:
+            side.plot(view.t, view.values[name], style, color=colour, label=name)
+            (dot,) = side.plot([], [], "o", color=colour, markersize=5, clip_on=False)
+            self.dots.append((dot, at_times(view.t, view.values[name], self.times)))
+
+        draw_lines(view, panel, axes, draw)
+        axes.set_xlim(*time_limits(view.t))
+        if last:
+            axes.set_xlabel(view.time_label())
+
+    def show(self, frame: int) -> None:
+        """Move every artist to `frame`."""
+        body, here = self.map.body, self.times[frame : frame + 1]
+        moved, colours = (at_times(self.view.t, values, here)[0] for values in (body.displacement, self.colours))
+        self.map.show(body.rest + moved, colours)
+        for dot, values in self.dots:
+            dot.set_data(here, values[frame : frame + 1])
+        self.title.set_text(_title(self.view, self.texts[frame]))
+
+
+def _field(view: View) -> str:
+    """The field that the film colours."""
+    name = view.model.film
+    if name not in view.values:
+        raise ParameterError(
+            "output.fields", f"the film colours {name!r}, which this result does not hold; add it to output.fields and run again."
+        )
+    return name
+
+
+def _panels(view: View, kind: str) -> list[Panel]:
+    """The first two panels of the model of this kind that the result can show."""
+    return [drawn for panel in view.model.panels if panel.kind == kind and (drawn := view.drawn(panel)) is not None][:2]
+
+
+def _title(view: View, time: str) -> str:
+    return textwrap.fill(f"{view.title}, {view.time_text(time)}", TITLE_WIDTH)
 
 
 def frame_times(t: Array) -> Array:
@@ -132,7 +209,10 @@ def animate(
     fps: int = 12,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write a film of the growing domain: its colours above, profiles below, and beside them the cross-section of a round body.
+    """Write a film of the growing domain.
+
+    On a 1D grid its colours are above, profiles below, and beside them the cross-section of a round body. In two dimensions it shows
+    the colours on the deformed body, and beside it scalars against time.
 
     Parameters
     ----------
@@ -147,7 +227,7 @@ def animate(
     Raises
     ------
     ParameterError
-        For another suffix, an .mp4 without ffmpeg, or a result without the field that the film colours.
+        For another suffix, an .mp4 without ffmpeg, or a result without the field that the film colours or without displacement.
     """
     target = checked_path(path, FILMS, "a film")
     if not 1 <= fps <= 60:
@@ -155,7 +235,7 @@ def animate(
     if target.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
         raise ParameterError("", f"cannot write {str(target)!r}: ffmpeg was not found; write a .gif instead, or install ffmpeg.")
     view = view_of(result)
-    film = Film(view, frame_times(view.t))
+    film = (Film if view.result.mesh is None else BodyFilm)(view, frame_times(view.t))
     writer = PillowWriter(fps=fps) if target.suffix.lower() == ".gif" else FFMpegWriter(fps=fps)
     count = len(film.times)
     with replacing(target) as part, matplotlib.rc_context(STYLE), writer.saving(film.figure, str(part), dpi=110):

@@ -76,6 +76,11 @@ class Expression:
         with np.errstate(all="ignore"):  # a division by zero is reported by the caller with its position, as a value that is not finite
             return np.asarray(self._evaluate(self._tree, coordinates), dtype=float)
 
+    @property
+    def names(self) -> set[str]:
+        """The variables that the formula uses."""
+        return {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name) and node.id in self.variables}
+
     def _refusal(self, why: str) -> ParameterError:
         stop = "" if why.endswith(("?", ".")) else "."
         allowed = f"{', '.join((*self.variables, *CONSTANTS))}, numbers, + - * / **, brackets and {', '.join(FUNCTIONS)}"
@@ -225,6 +230,11 @@ class PositionFunction:
         if self._number is not None or self._expression is not None or self._callable is not None:
             return None
         return float(self._at[0]), float(self._at[-1])
+
+    @property
+    def names(self) -> set[str]:
+        """The coordinates that an expression uses; empty for other forms."""
+        return set() if self._expression is None else self._expression.names
 
     def with_length(self, length: float) -> PositionFunction:
         """The same function on a body of another extent: a callable is sampled again, the rest is as it was."""
@@ -426,14 +436,18 @@ def _is_number(cell: str) -> bool:
 def _sample(function: Callable[..., Any], variables: Sequence[str], path: str, length: float) -> tuple[Array, Array]:
     """Positions (SAMPLES,) over the body, and the callable's values there."""
     coordinate = variables[0]
-    if not set(variables) <= {coordinate, "xi"}:
-        raise ParameterError(path, f"a Python function of {', '.join(variables)} cannot be used here; give a formula instead.")
     at = np.linspace(0.0, length, SAMPLES)
     coordinates = {coordinate: at, "xi": np.linspace(0.0, 1.0, SAMPLES)}
     try:
         wanted = [p for p in inspect.signature(function).parameters.values() if p.default is p.empty]
     except (TypeError, ValueError):
         wanted = []
+    others = {p.name for p in wanted} & (set(variables) - {coordinate, "xi"})
+    if others:
+        raise ParameterError(
+            path,
+            f"a Python function of {', '.join(sorted(others))} cannot be used here, as it is sampled along {coordinate}; give a formula.",
+        )
     if wanted and {p.name for p in wanted} <= set(variables):
         by_name = {p.name: coordinates[p.name] for p in wanted if p.kind is p.KEYWORD_ONLY}
         result = function(*(coordinates[p.name] for p in wanted if p.kind is not p.KEYWORD_ONLY), **by_name)

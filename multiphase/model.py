@@ -54,14 +54,31 @@ class Preset:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One panel of the standard figure: `kind` "scalar" (against time), "profile" (against position at
-    several times), "spacetime" (colour over time and position) or "ring" (cross-sections of a round body
-    at a few times; left out where the body is flat), and the names it shows. `round_only` leaves another panel out there as well."""
+    """One panel of the standard figure.
+
+    Attributes
+    ----------
+    kind : str
+        "scalar" (against time), on any grid. On a 1D grid "profile" (against position at several times), "spacetime" (colour over time
+        and position) and "ring" (cross-sections of a round body at a few times; left out where the body is flat). On triangles "map"
+        (colour on the body at the last time; of a vector its size, with arrows) and "maps" (the same without arrows at a few times).
+    names : tuple of str
+        What it shows; of a scalar panel those that the result holds.
+    title : str
+    round_only : bool
+        Leaves another panel than a ring out where the body is flat as well.
+    grid : str
+        "line" or "triangles" leaves a panel out on the other grid; empty leaves that to the kind.
+    log : bool
+        Colours of a map by the logarithm of the value.
+    """
 
     kind: str
     names: tuple[str, ...]
     title: str
     round_only: bool = False
+    grid: str = ""
+    log: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +99,8 @@ class Model:
         The field the film colours.
     scenes : str
         Package that holds the shipped scene files (``*.toml``).
+    complete : callable(scene) -> mapping
+        Tables of the scene, by name, with defaults filled in that depend on other tables.
     check : callable(scene)
         Cross-field checks; raises ParameterError before any work starts.
     plan : callable(scene) -> Plan
@@ -121,6 +140,7 @@ class Model:
     trackers: Callable[[Scene], tuple[Any, ...]] = lambda scene: ()
     ring: Callable[[Mapping[str, Any]], float | None] = lambda geometry: None
     position: str = "position x"
+    complete: Callable[[Scene], Mapping[str, Any]] = lambda scene: {}
     fronts: tuple[str, ...] = ()
 
 

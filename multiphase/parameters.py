@@ -31,7 +31,7 @@ T = TypeVar("T")
 POSITION_FORMS = 'a number, a formula such as "0.9 - 0.1*xi", a table { at = [...], values = [...] } or { file = "x.csv" }'
 """How a function of position may be written."""
 
-_KINDS = ("number", "integer", "flag", "word", "words", "function", "series")
+_KINDS = ("number", "integer", "flag", "word", "words", "file", "function", "series")
 _KIND_OF_DEFAULT = {bool: "flag", int: "integer", float: "number", str: "word", tuple: "words"}
 
 
@@ -66,6 +66,8 @@ class Parameter:
                 return words or "a text in quotes"
             case "words":
                 return 'a list of names in quotes, such as ["n"]'
+            case "file":
+                return "the name of a file in quotes"
             case "function":
                 return POSITION_FORMS
         return f"a number{self.bounds} or a table {{ times = [...], values = [...] }}"
@@ -187,6 +189,8 @@ def from_table(
     for key, value in values.items():
         if known[key].kind == "function" and folder is not None:
             values[key] = PositionFunction(value, variables=known[key].variables, path=f"{path}.{key}", folder=folder)
+        if known[key].kind == "file" and folder is not None and isinstance(value, str) and (folder / value).exists():
+            values[key] = str(folder / value)
     made = cls(**values)
     for key in table:
         if key not in known:
@@ -305,7 +309,7 @@ def _checked(value: Any, specification: Parameter, path: str) -> Any:
             return value
         case "words" if isinstance(value, list | tuple) and all(isinstance(word, str) for word in value):
             return tuple(value)
-        case "word" if isinstance(value, str) and not specification.choices:
+        case "word" | "file" if isinstance(value, str) and not specification.choices:
             return value
     raise _wrong(value, specification, path)
 

@@ -28,6 +28,8 @@ class Plan:
         What a user should know before trusting the result.
     open_balances : tuple of str
         Scalars ``defect_...`` of balances that this form does not close, by the user's choice; large ones are no fault of the run.
+    balance_limit : float
+        Up to where the other defects are no fault of the run, either.
     """
 
     solver: str
@@ -38,6 +40,7 @@ class Plan:
     reasons: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     open_balances: tuple[str, ...] = ()
+    balance_limit: float = 1e-9
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=1, ensure_ascii=False)

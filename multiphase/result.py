@@ -54,7 +54,7 @@ class Result:
     checkpoint : dict of str to ndarray
         The complete last state; only the scheme that wrote it knows its meaning.
     units, descriptions : dict of str to str
-        By name of the quantity; a missing unit means "-" (dimensionless).
+        By name of the quantity, "points" for the points of the mesh; a missing unit means "-" (dimensionless).
     """
 
     model: str
@@ -88,6 +88,13 @@ class Result:
         for name, values in self._data().items():
             if values.ndim == 0 or len(values) != len(self.t):
                 raise ParameterError(name, f"has shape {values.shape}, but there are {len(self.t)} stored times.")
+        if self.mesh is None:
+            return
+        if self.x is not None:
+            raise ParameterError("x", "a result has either positions of cells or a mesh, but this one has both.")
+        for name, values in self.fields.items():
+            if values.shape[1:2] != (len(self.mesh.points),):
+                raise ParameterError(name, f"has shape {values.shape}, but the mesh has {len(self.mesh.points)} nodes.")
 
     def _data(self) -> dict[str, Array]:
         """Everything that depends on time, by name: t, x, scalars, fields."""
@@ -108,9 +115,15 @@ class Result:
 
     def __repr__(self) -> str:
         times = f"{len(self.t)} times in [{self.t[0]:g}, {self.t[-1]:g}]" if len(self.t) else "no times"
-        cells = "" if self.x is None else f", {self.x.shape[1]} cells"
+        size = self.size()
         names = "; ".join(f"{kind} {', '.join(values)}" for kind, values in (("scalars", self.scalars), ("fields", self.fields)) if values)
-        return f"<Result of {self.model}, {self.status}: {times}{cells}; {names}>"
+        return f"<Result of {self.model}, {self.status}: {times}{', ' if size else ''}{size}; {names}>"
+
+    def size(self) -> str:
+        """How fine the result is in space, in words: "200 cells", or "81 nodes, 128 triangles"; empty without positions."""
+        if self.mesh is not None:
+            return f"{len(self.mesh.points)} nodes, {len(self.mesh.triangles)} triangles"
+        return "" if self.x is None else f"{self.x.shape[1]} cells"
 
     def unit(self, name: str) -> str:
         """Unit of the quantity `name`; "-" when it is dimensionless."""
@@ -129,6 +142,27 @@ class Result:
         last = self.x[:, -1]
         before = self.x[:, -2] if self.x.shape[1] > 1 else -last
         return np.asarray(last + (last - before) / 2)
+
+    def positions(self, index: int) -> Array:
+        """Where the points are at the stored time ``t[index]``.
+
+        Returns
+        -------
+        ndarray, shape (points, 2) or (cells,)
+            The nodes of the mesh, displaced; in one dimension ``x[index]``.
+
+        Raises
+        ------
+        ParameterError
+            When the result has no positions, or has a mesh but not the field "displacement".
+        """
+        if self.mesh is None:
+            if self.x is None:
+                raise ParameterError("", "this result has no positions.")
+            return np.array(self.x[index])
+        if "displacement" not in self.fields:
+            raise ParameterError("", 'this result has no "displacement", so its positions are not known. Store that field (output.fields).')
+        return np.asarray(self.mesh.points + self.fields["displacement"][index])
 
     def save(self, path: PathName, *, overwrite: bool = False) -> None:
         """Write the result to the HDF5 file `path`.
@@ -154,8 +188,8 @@ class Result:
 
         Returns
         -------
-        dict of str to float or ndarray, shape (cells,)
-            Every scalar, every field, and "x".
+        dict of str to float or ndarray, shape (cells,), or (points,) or (points, 2) in two dimensions
+            Every scalar, every field, and "x" in one dimension; in two, ``mesh.points + at(time)["displacement"]`` are the positions.
 
         Raises
         ------
@@ -193,10 +227,15 @@ class Result:
             known = {"t": {"time": 1}, "x": {"length": 1}}.get(name)
             dimension = known or (quantities[name].dimension if name in quantities else {})
             factors[name], units[name] = scales.factor(dimension)
+        mesh = self.mesh
+        if mesh is not None:
+            factor, units["points"] = scales.factor({"length": 1})
+            mesh = replace(mesh, points=mesh.points * factor)
         return replace(
             self,
             t=self.t * factors["t"],
             x=None if self.x is None else self.x * factors["x"],
+            mesh=mesh,
             scalars={name: values * factors[name] for name, values in self.scalars.items()},
             fields={name: values * factors[name] for name, values in self.fields.items()},
             units=units,
@@ -204,7 +243,11 @@ class Result:
         )
 
     def to_xarray(self) -> Any:
-        """An `xarray.Dataset` with dimensions time and cell, and coordinates t (time) and x (time, cell)."""
+        """An `xarray.Dataset` with dimensions time and cell, and coordinates t (time) and x (time, cell).
+
+        In two dimensions the dimensions are time, point and, for vectors, component; the coordinates t (time), and x_rest and y_rest
+        (point), the nodes at rest; the triangles are a variable (triangle, corner).
+        """
         try:
             import xarray
         except ImportError as error:
@@ -212,10 +255,17 @@ class Result:
 
         def variable(name: str, values: Array) -> Any:
             attributes = {"unit": self.unit(name), "long_name": self.descriptions.get(name, name)}
-            return xarray.Variable(("time", "cell")[: values.ndim], values, attributes)
+            space = ("cell",) if self.mesh is None else ("point", "component")
+            return xarray.Variable(("time", *space)[: values.ndim], values, attributes)
 
         variables = {name: variable(name, values) for name, values in self._data().items()}
-        coordinates = {name: variables.pop(name) for name in ("t", "x") if name in variables}
+        coordinates: dict[str, Any] = {name: variables.pop(name) for name in ("t", "x") if name in variables}
+        if self.mesh is not None:
+            about_points = {"unit": self.unit("points"), "long_name": "position at rest"}
+            for part, name in enumerate(("x_rest", "y_rest")):
+                coordinates[name] = xarray.Variable(("point",), self.mesh.points[:, part], about_points)
+            about_triangles = {"unit": "-", "long_name": "points of each triangle"}
+            variables["triangles"] = xarray.Variable(("triangle", "corner"), self.mesh.triangles, about_triangles)
         about = {"model": self.model, "status": self.status, "message": self.message, "scene": self.scene}
         return xarray.Dataset(variables, coords=coordinates, attrs=about)
 

@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from multiphase import storage
+from multiphase import storage, vtkhdf
 from multiphase.errors import ParameterError, SolverError
 from multiphase.model import Model
 from multiphase.parameters import Scales
@@ -31,7 +31,7 @@ from multiphase.trackers import Balances, Interrupts, Progress, Recorder
 
 logger = logging.getLogger("multiphase")
 
-PACKAGES = ("multiphase-tissue", "numpy", "scipy", "numba", "fipy", "h5py")
+PACKAGES = ("multiphase-tissue", "numpy", "scipy", "numba", "fipy", "scikit-fem", "h5py")
 
 Existing = Literal["refuse", "resume", "replace"]
 
@@ -112,29 +112,33 @@ def _execute(
     preparing = time.perf_counter()
     try:
         scheme = scene.model.scheme(scene, plan, **options)
-        if hasattr(scheme, "prepare"):
-            scheme.prepare()
-        state, remaining = _starting_state(scene, scheme, result)
+        with _libraries(len(sys.modules)).limit(limits=threads):
+            if hasattr(scheme, "prepare"):
+                scheme.prepare()
+            state, remaining = _starting_state(scene, scheme, result)
     except ArithmeticError as error:
         raise SolverError(
             f"the initial state cannot be evaluated ({error}); are its values, and the parameters, of the right size?"
         ) from error
+    _describe(result, scene, plan, scheme, threads)
     recorder = Recorder(result, path, scene.output.fields)
     recorder.state = state
-    _describe(result, scene, plan, scheme, threads)
     started = time.perf_counter()  # imports and compilation, which only a first run pays, are not counted as its cost
     result.stats = result.stats | {"setup_s": started - preparing}
-    hooks = [recorder, Balances(left_open=plan.open_balances), *scene.model.trackers(scene), *trackers]
+    hooks = [recorder, Balances(plan.balance_limit, plan.open_balances), *scene.model.trackers(scene), *trackers]
     if progress:
         hooks.append(progress if isinstance(progress, Tracker) else Progress())
 
     def finish(status: Literal["completed", "stopped", "failed"], message: str) -> Result:
         done = recorder.collect()
         done.status, done.message = status, message
-        done.stats = done.stats | {"wall_s": before + time.perf_counter() - started}
+        own = scheme.statistics() if hasattr(scheme, "statistics") else {}
+        done.stats = done.stats | {"wall_s": before + time.perf_counter() - started} | own
         for hook in hooks:
             hook.on_end(recorder.state or state, status, message)
         recorder.write()
+        if scene.output.vtk and path is not None:
+            vtkhdf.write_copy(done, path)
         return done
 
     def reached() -> float:
@@ -188,6 +192,8 @@ def _prepare(scene: Scene, path: Path | None, existing: Existing) -> Result:
             raise ParameterError("file", "resume needs the file of the run to go on with.")
         return empty
     storage.check_target(path)
+    if scene.output.vtk:
+        storage.check_target(vtkhdf.copy_of(path), "output.vtk")
     if not path.exists() or existing == "replace":
         return empty
     if existing == "refuse":
@@ -243,6 +249,7 @@ def _control(scene: Scene) -> Control:
 def _describe(result: Result, scene: Scene, plan: Plan, scheme: Any, threads: int) -> None:
     """Fill in everything about the run but its values."""
     result.scene, result.scene_source, result.plan = scene.to_toml(), scene.source, plan.to_json()
+    result.mesh = getattr(scheme, "mesh", None)
     result.status, result.message = "running", "the run had not ended when this was written; --resume goes on with it"
     result.platform, result.threads = f"{platform.platform()}, {platform.machine()}", threads
     result.created = result.created or datetime.now(UTC).isoformat(timespec="seconds")

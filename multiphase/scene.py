@@ -128,6 +128,8 @@ class OutputTable:
 
     def __post_init__(self) -> None:
         validate(self, self.table)
+        if self.vtk and self.fields is not None and "displacement" not in self.fields:
+            raise ParameterError("output.fields", 'the copy for ParaView (output.vtk) needs "displacement"; add it, or leave the copy out.')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,6 +181,8 @@ class Scene:
             if name not in known:
                 text = f'the model {self.model.name} has no field "{name}"{nearest(name, known)} It has {", ".join(known)}.'
                 raise ParameterError("output.fields", text)
+        for name, table in self.model.complete(self).items():
+            object.__setattr__(self, name, table)
         self.model.check(self)
 
     def to_table(self) -> dict[str, Any]:

@@ -49,10 +49,11 @@ class StopRun(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """One solved implicit step: the new vector, and the iterations it took."""
+    """One solved implicit step: the new vector, the iterations it took, and what the scheme wants to remember (see `State.memory`)."""
 
     u: Array
     iterations: int
+    memory: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,12 +146,15 @@ class State:
         Step to try next.
     counters : dict of str to int
         Steps, rejections, iterations so far.
+    memory : array
+        What a scheme that keeps something from step to step, such as a tangent, makes it of again; empty for others.
     """
 
     times: Array
     u: Array
     dt: float
     counters: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTERS, 0))
+    memory: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def t(self) -> float:
@@ -159,7 +163,8 @@ class State:
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Flat arrays for a checkpoint."""
         counts = np.array([self.counters[name] for name in COUNTERS], dtype=np.int64)
-        return {"times": self.times, "u": self.u, "dt": np.array(self.dt), "counters": counts}
+        arrays = {"times": self.times, "u": self.u, "dt": np.array(self.dt), "counters": counts}
+        return arrays | {"memory": self.memory} if self.memory.size else arrays
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> State:
@@ -169,6 +174,7 @@ class State:
             u=np.array(arrays["u"], dtype=float),
             dt=float(arrays["dt"]),
             counters=counters,
+            memory=np.array(arrays.get("memory", ()), dtype=float),
         )
 
 
@@ -269,6 +275,8 @@ def integrate(
     """
     t_end = save_at[-1]
     own = isinstance(scheme, Integrator)
+    if hasattr(scheme, "recall"):
+        scheme.recall(state.memory)
     step, observe = _steps(scheme, control)
     for tracker in trackers:
         tracker.on_start(state, t_end)
@@ -356,8 +364,10 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
             u=np.concatenate([solved.u[None, :], state.u[:keep]]),
             dt=dt_next,
             counters=counters,
+            memory=state.memory if solved.memory is None else solved.memory,
         )
-    raise failed_step(replace(state, dt=dt), reasons)
+    why = scheme.explain(state.u[0]) if hasattr(scheme, "explain") else ""
+    raise failed_step(replace(state, dt=dt), reasons, why)
 
 
 def steps_left(state: State, control: Control) -> int:
@@ -373,10 +383,11 @@ def steps_left(state: State, control: Control) -> int:
     return left
 
 
-def failed_step(state: State, reasons: Sequence[str] | deque[str]) -> SolverError:
-    """What to raise when no step from `state` succeeds."""
+def failed_step(state: State, reasons: Sequence[str] | deque[str], why: str = "") -> SolverError:
+    """What to raise when no step from `state` succeeds; `why` is what the scheme has to say of that state."""
     return SolverError(
-        f"no step from t = {state.t:.6g} succeeded, down to dt = {state.dt:.3g}. Last reason: {reasons[-1] if reasons else 'none'}.",
+        f"no step from t = {state.t:.6g} succeeded, down to dt = {state.dt:.3g}. {why + ' ' if why else ''}"
+        f"Last reason: {reasons[-1] if reasons else 'none'}.",
         time=state.t,
         dt=state.dt,
         history=reasons,

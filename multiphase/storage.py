@@ -4,14 +4,15 @@ A file is never changed in place. The whole image is built in memory, written to
 and renamed onto the target. Whatever interrupts this (kill -9, a full disk, a power cut) leaves the old file or the new one.
 
 Layout: text and clock-dependent values are attributes of the root; ``/t`` (nt,), ``/grid/x`` (nt, cells), ``/scalars/NAME`` (nt,),
-``/fields/NAME`` (nt, cells), ``/checkpoint/NAME``; every dataset has the attributes ``unit`` and ``description``. Values alone decide the
-datasets, so two equal runs give equal datasets.
+``/fields/NAME`` (nt, cells), ``/checkpoint/NAME``; every dataset has the attributes ``unit`` and ``description``. In two dimensions
+``/mesh/points`` (points, 2) and ``/mesh/triangles`` (triangles, 3) stand in the place of ``/grid/x``, and fields have a value for each
+point. Values alone decide the datasets, so two equal runs give equal datasets.
 """
 
 from __future__ import annotations
 
 import errno
-import itertools
+import io
 import json
 import os
 from collections.abc import Iterator
@@ -23,16 +24,21 @@ import h5py
 import numpy as np
 
 from multiphase.errors import ParameterError
+from multiphase.mesh import Mesh
 from multiphase.result import PathName, Result
 
-FORMAT_VERSION = 1
-"""Version of the layout that :func:`write` gives; :func:`read` reads this and every earlier one."""
+FORMAT_VERSION = 2
+"""Version of the layout with a mesh; results without one are written as version 1. :func:`read` reads this and every earlier one."""
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _TEXTS = ("model", "scene", "scene_source", "plan", "status", "message", "created", "platform")
-_DESCRIPTIONS = {"t": "time", "x": "positions of the cell centres"}
+_DESCRIPTIONS = {
+    "t": "time",
+    "x": "positions of the cell centres",
+    "points": "positions of the nodes at rest",
+    "triangles": "nodes of each triangle, counterclockwise, numbered from 0",
+}
 _CHECKPOINT = "part of the complete last state, from which a run is continued"
-_image_number = itertools.count()
 
 
 def write(result: Result, path: PathName) -> None:
@@ -117,7 +123,15 @@ def claimed(path: Path | None) -> Iterator[None]:
             lock.unlink(missing_ok=True)
 
 
-def replace_file(path: Path, content: bytes) -> None:
+@contextmanager
+def file_in_memory() -> Iterator[tuple[h5py.File, io.BytesIO]]:
+    """An empty HDF5 file to fill, and where its bytes are once the context has ended."""
+    buffer = io.BytesIO()  # h5py's own file in memory would have to be copied to give its bytes
+    with h5py.File(buffer, "w") as file:
+        yield file, buffer
+
+
+def replace_file(path: Path, content: bytes | memoryview) -> None:
     """Write `content` to `path` so that, whatever happens, `path` is the whole old file or the whole new one.
 
     Raises
@@ -178,12 +192,10 @@ def _sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-def _image(result: Result) -> bytes:
+def _image(result: Result) -> memoryview:
     """The HDF5 file of `result`, as bytes."""
-    # HDF5 takes two open files of one name for the same file, hence a fresh name for each.
-    name = f"multiphase-{os.getpid()}-{next(_image_number)}"
-    with h5py.File(name, "w", driver="core", backing_store=False) as file:
-        file.attrs["format_version"] = FORMAT_VERSION
+    with file_in_memory() as (file, buffer):
+        file.attrs["format_version"] = FORMAT_VERSION if result.mesh is not None else 1
         for key in _TEXTS:
             file.attrs[key] = _text(getattr(result, key))
         file.attrs["versions"] = _json(result.versions)
@@ -200,8 +212,11 @@ def _image(result: Result) -> bytes:
             return result.descriptions.get(key, _DESCRIPTIONS.get(key, ""))
 
         store(file, "t", result.t, describe("t"))
-        grid = {} if result.x is None else {"x": result.x}
-        for group_name, data in (("grid", grid), ("scalars", result.scalars), ("fields", result.fields)):
+        if result.mesh is not None:
+            place, where = "mesh", {"points": result.mesh.points, "triangles": result.mesh.triangles}
+        else:
+            place, where = "grid", {} if result.x is None else {"x": result.x}
+        for group_name, data in ((place, where), ("scalars", result.scalars), ("fields", result.fields)):
             group = file.create_group(group_name, track_order=True)  # names keep their order
             for key, values in data.items():
                 store(group, key, values, describe(key))
@@ -210,10 +225,7 @@ def _image(result: Result) -> bytes:
             dataset = checkpoint.create_dataset(key, data=values)
             dataset.attrs["unit"] = "-"
             dataset.attrs["description"] = _CHECKPOINT
-        file.flush()
-        image = file.id.get_file_image()
-    assert isinstance(image, bytes)
-    return image
+    return buffer.getbuffer()
 
 
 def _text(text: str) -> str:
@@ -240,10 +252,12 @@ def _result(file: h5py.File) -> Result:
         descriptions[key] = _read_text(dataset.attrs["description"])
         return np.asarray(dataset[()])
 
+    mesh = Mesh(**{key: values(file["mesh"][key], key) for key in ("points", "triangles")}) if "mesh" in file else None
     return Result(
         **texts,  # type: ignore[arg-type]
         t=values(file["t"], "t"),
-        x=values(file["grid/x"], "x") if "x" in file["grid"] else None,
+        x=values(file["grid/x"], "x") if mesh is None and "x" in file["grid"] else None,
+        mesh=mesh,
         scalars={key: values(dataset, key) for key, dataset in file["scalars"].items()},
         fields={key: values(dataset, key) for key, dataset in file["fields"].items()},
         versions=json.loads(_read_text(attributes["versions"])),

@@ -16,6 +16,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from multiphase import storage
+from multiphase.errors import ParameterError
 from multiphase.result import Result
 from multiphase.stepping import Snapshot, State, StopRun, Tracker
 
@@ -23,6 +24,25 @@ logger = logging.getLogger("multiphase")
 
 WRITING_SHARE = 0.1
 """Largest share of the run's time that goes into writing the file before its end."""
+
+
+class _Column:
+    """Rows of equal shape, one more at a time; those before stay where they are, but for when the space doubles."""
+
+    def __init__(self, rows: Any) -> None:
+        self._space = rows
+
+    def put(self, index: int, row: Any) -> None:
+        """Write row number `index`, the first that is free."""
+        if index >= len(self._space):
+            space = np.empty((max(16, 2 * index), *self._space.shape[1:]), dtype=self._space.dtype)
+            space[:index] = self._space[:index]
+            self._space = space
+        self._space[index] = row
+
+    def rows(self, count: int) -> Any:
+        """The first `count` rows; later ones do not touch them."""
+        return self._space[:count]
 
 
 class Recorder(Tracker):
@@ -44,6 +64,8 @@ class Recorder(Tracker):
         self.result, self.file, self.state = result, file, None if not result.checkpoint else State.from_arrays(result.checkpoint)
         self._wanted = fields
         self._rows: list[Snapshot] = []
+        self._count = len(result.t)
+        self._columns: dict[tuple[str, str], _Column] = {}
         self._written, self._cost = time.monotonic(), 0.0
 
     def on_step(self, state: State) -> None:
@@ -52,27 +74,48 @@ class Recorder(Tracker):
     def on_save(self, state: State, snapshot: Snapshot) -> None:
         self.state = state
         self._rows.append(snapshot)
+        self._move()
         if self.file is not None and (time.monotonic() - self._written) * WRITING_SHARE >= self._cost:
             self.write()
 
+    def _move(self) -> None:
+        """Move new rows to where they are kept. Ctrl-C may strike anywhere in here: what is left, or half done, is moved the next time."""
+        while self._rows:
+            snapshot = self._rows[0]
+            if not self._count or snapshot.t > self._columns_for(snapshot)["", "t"].rows(self._count)[-1]:
+                row = self._by_key(snapshot)
+                for key, column in self._columns_for(snapshot).items():
+                    column.put(self._count, row[key])
+                self._count += 1
+            del self._rows[0]
+
+    def _by_key(self, snapshot: Snapshot) -> dict[tuple[str, str], Any]:
+        """What is kept of a snapshot, by group and name."""
+        row: dict[tuple[str, str], Any] = {("", "t"): snapshot.t} | ({} if snapshot.x is None else {("", "x"): snapshot.x})
+        row |= {("scalars", name): value for name, value in snapshot.scalars.items()}
+        return row | {("fields", name): value for name, value in snapshot.fields.items() if self._wanted is None or name in self._wanted}
+
+    def _columns_for(self, snapshot: Snapshot) -> dict[tuple[str, str], _Column]:
+        """Where rows are kept, made from the stored result and the first of them."""
+        if not self._columns:
+            result, count, row = self.result, self._count, self._by_key(snapshot)
+            stored: dict[tuple[str, str], Any] = {("", "t"): result.t, ("", "x"): result.x}
+            stored |= {("scalars", name): values for name, values in result.scalars.items()}
+            stored |= {("fields", name): values for name, values in result.fields.items()}
+            missing = [name for group, name in row if stored.get((group, name)) is None]
+            if count and missing:
+                raise ParameterError(missing[0], "is not in the stored result, so the run cannot go on with it.")
+            self._columns = {key: _Column(stored[key] if count else np.array([value])[:0]) for key, value in row.items()}
+        return self._columns
+
     def collect(self) -> Result:
         """The result with every row so far and the last good state as its checkpoint."""
+        self._move()
         result = self.result
-        last = result.t[-1] if len(result.t) else -np.inf
-        rows = [row for row in self._rows if row.t > last]
-        if rows:
-            names = [name for name in rows[0].fields if self._wanted is None or name in self._wanted]
-
-            def joined(old: Any, new: list[Any]) -> Any:
-                return np.array(new) if old is None or len(result.t) == 0 else np.concatenate([old, np.array(new)])
-
-            scalars = {name: joined(result.scalars.get(name), [row.scalars[name] for row in rows]) for name in rows[0].scalars}
-            fields = {name: joined(result.fields.get(name), [row.fields[name] for row in rows]) for name in names}
-            x = None if rows[0].x is None else joined(result.x, [row.x for row in rows])
-            t = joined(result.t, [row.t for row in rows])
-            # In one go, as Ctrl-C may strike anywhere in here.
-            result = self.result = replace(result, t=t, scalars=scalars, fields=fields, x=x)
-        self._rows = []
+        if self._count > len(result.t):
+            values = {key: column.rows(self._count) for key, column in self._columns.items()}
+            scalars, fields = ({name: rows for (kind, name), rows in values.items() if kind == group} for group in ("scalars", "fields"))
+            result = self.result = replace(result, t=values["", "t"], x=values.get(("", "x")), scalars=scalars, fields=fields)
         if self.state is not None:
             result.checkpoint = self.state.to_arrays()
             result.stats = result.stats | self.state.counters

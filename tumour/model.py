@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,8 @@ from multiphase.model import Model, Panel, Quantity
 from multiphase.parameters import from_table
 from multiphase.plan import Plan
 from multiphase.stepping import Tracker
-from tumour.parameters import PRESETS, TumourGeometry, TumourInitial, TumourParameters, TumourSolver, check, find_preset
+from tumour.parameters import FILE_KINDS, PRESETS, TumourGeometry, TumourInitial, TumourParameters, TumourSolver, check
+from tumour.plan import plan_of
 
 if TYPE_CHECKING:
     from multiphase.result import Result
@@ -26,7 +27,7 @@ _QUANTITIES = (
     Quantity("alpha", r"\alpha", "cell fraction"),
     Quantity("C", "C", "oxygen", {"concentration": 1}),
     Quantity("p", "p", "fluid pressure", {"pressure": 1}),
-    Quantity("displacement", "r - R", "displacement of the cells", LENGTH),
+    Quantity("displacement", "d", "displacement of the cells; radial: r - R", LENGTH),
     Quantity("u", "u", "velocity of the cells", VELOCITY),
     Quantity("J", "J", "volume over that at rest"),
     Quantity("stress_magnitude", "S", "size of the stress, P (elastic) or sigma (viscous)", {"pressure": 1}),
@@ -39,6 +40,8 @@ _QUANTITIES = (
     Quantity("doubling_time", "T_2", "doubling time of the size", {"time": 1}, kind="scalar"),
     Quantity("C_min", r"C_\mathrm{min}", "least oxygen", {"concentration": 1}, kind="scalar"),
     Quantity("necrotic_fraction", r"\phi_\mathrm{nec}", "share of the body with C below C_necrotic", kind="scalar"),
+    Quantity("hypoxic_fraction", r"\phi_\mathrm{hyp}", "share of the body with C below C_hypoxic", kind="scalar"),
+    Quantity("asymmetry", r"a", "largest over least distance of the surface from the middle, less 1", kind="scalar"),
     Quantity("necrotic_radius", r"R_\mathrm{nec}", "radius within which C is below C_necrotic", LENGTH, kind="scalar"),
     Quantity("hypoxic_radius", r"R_\mathrm{hyp}", "radius within which C is below C_hypoxic", LENGTH, kind="scalar"),
     Quantity("rim_width", r"R - R_\mathrm{nec}", "width of the rim around the necrotic core", LENGTH, kind="scalar"),
@@ -47,8 +50,23 @@ _QUANTITIES = (
 )
 
 _PANELS = (
-    Panel("scalar", ("radius", "hypoxic_radius", "necrotic_radius", "rim_width"), "Radius: surface, hypoxia, necrosis; living rim"),
+    Panel(
+        "scalar",
+        ("radius", "hypoxic_radius", "necrotic_radius", "rim_width"),
+        "Radius: surface, hypoxia, necrosis; living rim",
+        grid="line",
+    ),
+    Panel("scalar", ("radius", "area"), "Size of the body", grid="triangles"),
     Panel("scalar", ("growth_rate", "doubling_time"), "Growth rate and doubling time"),
+    Panel("scalar", ("hypoxic_fraction", "necrotic_fraction"), "Hypoxic and necrotic share", grid="triangles"),
+    Panel("scalar", ("asymmetry",), "Departure from symmetry", grid="triangles"),
+    Panel("maps", ("alpha",), "Cell fraction on the growing body"),
+    Panel("map", ("displacement",), "Displacement"),
+    Panel("map", ("alpha",), "Cell fraction"),
+    Panel("map", ("p",), "Fluid pressure"),
+    Panel("map", ("C",), "Oxygen"),
+    Panel("map", ("stress_magnitude",), "Size of the stress", log=True),
+    Panel("map", ("J",), "Volume over that at rest"),
     Panel("spacetime", ("alpha",), "Cell fraction, lines as above"),
     Panel("spacetime", ("C",), "Oxygen, lines as above"),
     Panel("ring", ("alpha",), "Section through the centre"),
@@ -60,184 +78,42 @@ _PANELS = (
     Panel("profile", ("u",), "Velocity of the cells"),
 )
 
-_SHAPES = {
-    "slab": "slab, from its middle",
-    "disk": "disk in plane strain",
-    "quarter_disk": "quarter disk in plane strain",
-    "sphere": "sphere",
-}
-
-_TIME = {
-    "radau": "Radau IIA of order five with error control and dense output",
-    "bdf2": "error-controlled BDF of order two",
-    "backward-euler": "backward Euler",
-}
-
-_MOBILITIES = {
-    "darcy": "(1 - alpha)/(kappa alpha), as follows from (2.13); no detail: the fluid flows several times more easily as printed",
-    "printed": "1/(kappa alpha), as (2.16), (2.17), (2.22c) print it; no detail: the factor 1 - alpha of (2.13) would slow growth",
-    "constant": "1/kappa, at any cell fraction; no detail: the (1 - alpha)/(kappa alpha) of (2.13) would slow growth",
-}
-
-BUCKLING_TIME = 60.0
-"""About when the paper's disk, with lambda_alpha = 0, begins to lose its round shape."""
-STEADY_LAMBDA = 0.3
-"""lambda_alpha from which it keeps its shape."""
-
 
 def _ring(geometry: Mapping[str, Any]) -> float | None:
     """Round bodies have no hole; a slab is flat."""
     return None if geometry.get("kind") == "slab" else 0.0
 
 
+def _complete(scene: Scene) -> dict[str, Any]:
+    """The solver with what its defaults stand for on this body."""
+    return {"solver": scene.solver.within(scene.geometry)}
+
+
 def _check(scene: Scene) -> None:
-    if scene.output.vtk:
-        raise ParameterError("output.vtk", "a copy for ParaView is for models in two dimensions; export this one as .csv instead.")
+    geometry = scene.geometry
+    if scene.output.vtk and not geometry.plane:
+        raise ParameterError("output.vtk", "a copy for ParaView is for bodies in two dimensions; export this one as .csv instead.")
     solver, end = scene.solver, scene.time.end
     check(scene.parameters, scene.initial, scene.geometry, solver)
+    if geometry.plane:
+        from tumour.fem.bodies import body_of, check_fraction
+
+        if geometry.kind in FILE_KINDS or scene.initial.alpha.constant is None:
+            check_fraction(scene.initial, body_of(geometry, solver.cells))
     if solver.dt is not None and end / solver.dt > solver.max_steps:
         raise ParameterError(
             "solver.dt", f"{solver.dt:g} needs {end / solver.dt:.3g} steps to the end, more than max_steps = {solver.max_steps}."
         )
 
 
-def _plan(scene: Scene) -> Plan:
-    """What is solved for, what is eliminated, and what a user of these values should know."""
-    p: TumourParameters = scene.parameters
-    geometry: TumourGeometry = scene.geometry
-    cells, (method, time_scheme) = scene.solver.cells, scene.solver.resolved
-    how = "compiled finite volumes" if method == "lines" else "Newton's method on FiPy's finite volumes"
-    printed = scene.solver.alpha_step == "as-printed"
-    rest = "equal in xi = r/R; eulerian" if geometry.eulerian else "equal at rest; lagrangian"
-    oxygen = ("oxygen: Q = 0 makes it C_out everywhere; its equation is solved all the same",) if p.Q == 0.0 else ()
-    reasons = (
-        f"radial (dimension {geometry.m}): the body and all that acts on it are the same in every direction, and the equations keep that",
-        f"mobility {_mobility(p)}",
-        f"method {method}: {how}, {_TIME[time_scheme]}",
-        *oxygen,
-    )
-    return Plan(
-        solver=method,
-        geometry=f"{_SHAPES[geometry.kind]}, 0 <= r <= R(t), {cells} cells {rest}",
-        equations=_viscous_equations(p, geometry) if geometry.eulerian else _elastic_equations(p, geometry.m),
-        unknowns=3 * cells + (2 if geometry.eulerian else 0),
-        dropped=_dropped(p, geometry),
-        reasons=reasons,
-        warnings=_warnings(scene),
-        open_balances=("defect_cells",) if printed else (),
-    )
-
-
-def _mobility(p: TumourParameters) -> str:
-    if p.kappa == 0.0:
-        return "infinite, as kappa = 0"
-    law = _MOBILITIES[p.mobility]
-    return law.replace("1/(kappa", f"1/({p.mobility_floor:g} + kappa") if p.mobility_floor > 0.0 else law
-
-
-def _powers(m: int) -> tuple[str, str]:
-    """What stands before and within a divergence, per symbol of the radius: r^(1-m) and r^(m-1)."""
-    return {1: ("", ""), 2: ("X^-1 ", "X "), 3: ("X^-2 ", "X^2 ")}[m]
-
-
-def _elastic_equations(p: TumourParameters, m: int) -> tuple[str, ...]:
-    """One line for each equation that is solved, on the body at rest: the point at R is at r(R, t)."""
-    flow = "p = p_out, with p from the momentum balance" if p.kappa == 0.0 else "r_t = (M(alpha)/l_r) p_R, l_r = r_R"
-    before, within = (text.replace("X", "R") for text in _powers(m))
-    return _rows(
-        ("cells", "(alpha J)_t = J q_alpha(alpha, C)", "(2.22b)"),
-        ("fluid", flow, "(2.22c)"),
-        ("oxygen", f"{before}({within}(J/l_r^2) C_R)_R = J {_uptake(p)}", "(2.22d)"),
-    )
-
-
-def _viscous_equations(p: TumourParameters, geometry: TumourGeometry) -> tuple[str, ...]:
-    """One line for each equation that is solved, on the body as it is: r = xi R(t)."""
-    flow = "p = p_out, with p from the momentum balance" if p.kappa == 0.0 else "u = M(alpha) p_r, with p from the momentum balance"
-    before, within = (text.replace("X", "r") for text in _powers(geometry.m))
-    return _rows(
-        ("cells", f"alpha_t + {before}({within}alpha u)_r = q_alpha(alpha, C)", "(2.1), (2.6)"),
-        ("fluid", flow, "(2.4), (2.13)"),
-        ("oxygen", f"{before}({within}C_r)_r = {_uptake(p)}", ""),
-        ("surface", "R' = u(R)", ""),
-    )
-
-
-def _uptake(p: TumourParameters) -> str:
-    return "Q alpha C" if p.Q1_hat == 0.0 else "Q alpha C/(1 + Q1_hat C)"
-
-
-def _rows(*rows: tuple[str, str, str]) -> tuple[str, ...]:
-    """Name, equation and number in columns."""
-    return tuple(f"{name:<10}{equation:<48}  {number}".rstrip() for name, equation, number in rows)
-
-
-def _dropped(p: TumourParameters, geometry: TumourGeometry) -> tuple[str, ...]:
-    momentum = "(2.4)" if geometry.eulerian else "(2.22a)"
-    dropped = [
-        f"p: the momentum balance {momentum}, integrated from the surface, gives it from the other unknowns, exactly",
-        "the fluid's fraction and velocity: 1 - alpha, and what makes the mixture's flux zero",
-    ]
-    if p.kappa == 0.0:
-        dropped.append("the flow of the fluid: kappa = 0 lets it flow freely at p = p_out, so that stresses balance at each moment")
-    if geometry.m == 1:
-        dropped.append("what happens along the slab: it is kept from moving sideways")
-    return tuple(dropped)
-
-
-def _warnings(scene: Scene) -> tuple[str, ...]:
-    p: TumourParameters = scene.parameters
-    warnings = []
-    if p.gamma > 0.0 and p.alpha_min < p.alpha_star:
-        jump = p.gamma * (p.alpha_star - p.alpha_min) / (1.0 - p.alpha_min) ** 2
-        told = (
-            "so sharply that cells may hang at the jump and steps get small; sigma_width spreads it"
-            if p.sigma_width == 0.0
-            else f"spread over sigma_width = {p.sigma_width:g} here, on which the solution then depends"
-        )
-        warnings.append(
-            f"alpha_min = {p.alpha_min:g} is below alpha_star = {p.alpha_star:g}: the contact stress jumps by {jump:.3g} there, {told}."
-        )
-    if scene.solver.alpha_step == "as-printed":
-        warnings.append('alpha_step = "as-printed" does not keep the mass of cells; defect_cells tells by how much. "conservative" does.')
-    if _may_buckle(scene):
-        warnings.append(
-            "an elastic disk with values like the paper's is expected to buckle at about t = 61 to 64 with lambda_alpha = 0, and not with "
-            f"{STEADY_LAMBDA:g} or more; this run has {p.lambda_alpha:g} and holds it round, so from t = {BUCKLING_TIME:g} on it may show "
-            "a state that a disk free to lose its shape does not keep."
-        )
-    return tuple(warnings)
-
-
-def _may_buckle(scene: Scene) -> bool:
-    """Whether a run goes on to where the paper's disk buckles, with values near the paper's."""
-    p, geometry = scene.parameters, scene.geometry
-    if geometry.eulerian or geometry.m != 2 or not p.lambda_alpha < STEADY_LAMBDA or not scene.time.end > BUCKLING_TIME:
-        return False
-    paper = TumourParameters(**find_preset("paper").parameters)
-    names = (
-        "mu_alpha",
-        "kappa",
-        "gamma",
-        "alpha_star",
-        "alpha_min",
-        "s1",
-        "s2",
-        "s3",
-        "s4",
-        "Q",
-        "C_out",
-        "p_out",
-        "Q1_hat",
-        "sigma_width",
-    )
-    near = all(abs(getattr(p, name) - getattr(paper, name)) <= 0.2 * abs(getattr(paper, name)) for name in names)
-    return near and 0.8 <= geometry.radius <= 1.25
-
-
 def _scheme(scene: Scene, plan: Plan) -> Any:
     solver, geometry = scene.solver, scene.geometry
     method, time_scheme = solver.resolved
+    if method == "mini":
+        from tumour.fem.bodies import body_of
+        from tumour.fem.scheme import MiniScheme
+
+        return MiniScheme(scene.parameters, scene.initial, body_of(geometry, solver.cells), solver)
     if method == "fipy":
         from tumour.fipy_scheme import FipyScheme
 
@@ -263,32 +139,53 @@ def _summary(result: Result) -> list[tuple[str, str]]:
         unit = shown.unit(name)
         return f"{shown[name][row]:.{digits}g}" + (f" {unit}" if unit != "-" else "")
 
-    rate, doubling = float(shown["growth_rate"][-1]), float(shown["doubling_time"][-1])
+    doubling = float(shown["doubling_time"][-1])
     size = next(name for name in ("thickness", "area", "volume") if name in shown)
+    doubles = f"the {size} doubles in {value('doubling_time')}" if np.isfinite(doubling) else "it does not grow"
     cells = "alpha not stored"
     if "alpha" in result.fields:
         alpha = result["alpha"][-1]
         cells = f"{alpha.min():.4f} to {alpha.max():.4f}"
     oxygen = f"{value('C_min')} at the least"
-    if "C" in result.fields:
+    if "C" in result.fields and result.mesh is None:
         oxygen = f"{shown['C'][-1, 0]:.4g} at the centre, {oxygen}"
-    doubles = f"; the {size} doubles in {value('doubling_time')}" if np.isfinite(doubling) else "; it does not grow" if rate <= 0.0 else ""
+    lines = [("time", value("t", 5))]
+    if "radius" in shown:
+        lines += [("radius", f"{value('radius', 5)}  (from {value('radius', 4, 0)}), {size} {value(size, 5)}")]
+        lines += [("growth rate", f"{value('growth_rate')}; {doubles}")]
+    else:
+        lines += [(size, f"{value(size, 5)}  (from {value(size, 4, 0)}); {doubles}")]
+    lines += [("cell fraction", cells), ("oxygen", oxygen), *_cores(result, value)]
+    if "asymmetry" in shown:
+        lines += [("asymmetry", f"{value('asymmetry', 2)}  (largest over least distance of the surface from the middle, less 1)")]
+    if "stress_magnitude" in result.fields and result.mesh is not None:
+        lines += [("stress |P|", _largest(shown, "stress_magnitude"))]
+    defects = ", ".join(f"{name[7:]} {np.max(np.abs(result[name])):.0e}" for name in ("defect_cells", "defect_volume"))
+    return [*lines, ("balance defects", f"{defects}  (relative, largest over the run)")]
+
+
+def _cores(result: Result, value: Callable[..., str]) -> list[tuple[str, str]]:
+    """Hypoxia and necrosis, by radius or by share of the body."""
+    if "necrotic_radius" not in result:
+        shares = [100.0 * result[name][-1] for name in ("hypoxic_fraction", "necrotic_fraction")]
+        texts = [f"{share:.3g} % of the body" if share > 0.0 else "none" for share in shares]
+        return [("hypoxic part", texts[0]), ("necrotic part", texts[1])]
     core = f"none, rim {value('rim_width')}"
     if result["necrotic_radius"][-1] > 0.0:
         share = 100.0 * result["necrotic_fraction"][-1]
         core = f"radius {value('necrotic_radius')}, {share:.3g} % of the body, rim {value('rim_width')}"
     hypoxic = f"radius {value('hypoxic_radius')}" if result["hypoxic_radius"][-1] > 0.0 else "none"
-    defects = ", ".join(f"{name[7:]} {np.max(np.abs(result[name])):.0e}" for name in ("defect_cells", "defect_volume"))
-    return [
-        ("time", value("t", 5)),
-        ("radius", f"{value('radius', 5)}  (from {value('radius', 4, 0)}), {size} {value(size, 5)}"),
-        ("growth rate", f"{value('growth_rate')}{doubles}"),
-        ("cell fraction", cells),
-        ("oxygen", oxygen),
-        ("hypoxic part", hypoxic),
-        ("necrotic core", core),
-        ("balance defects", f"{defects}  (relative, largest over the run)"),
-    ]
+    return [("hypoxic part", hypoxic), ("necrotic core", core)]
+
+
+def _largest(shown: Result, name: str) -> str:
+    """The largest value of a field on a mesh, and where it is at rest."""
+    assert shown.mesh is not None
+    values = shown[name][-1]
+    at = int(np.argmax(values))
+    x, y = shown.mesh.points[at]
+    unit = shown.unit(name)
+    return f"{values[at]:.4g}{'' if unit == '-' else ' ' + unit} at the most, at ({x:.3g}, {y:.3g}) of the body at rest"
 
 
 MODEL = Model(
@@ -303,8 +200,9 @@ MODEL = Model(
     panels=_PANELS,
     film="alpha",
     scenes="tumour.scenes",
+    complete=_complete,
     check=_check,
-    plan=_plan,
+    plan=plan_of,
     scheme=_scheme,
     summary=_summary,
     ends=("centre", "surface"),
@@ -321,12 +219,14 @@ def simulate(
     t_end: float,
     geometry: str | Mapping[str, Any] | TumourGeometry = "disk",
     solver: str = "auto",
-    cells: int = 200,
+    cells: int | None = None,
     rtol: float = 1e-4,
     time_scheme: str = "auto",
     dt: float | None = None,
     alpha_step: str = "conservative",
     max_steps: int = 100_000,
+    newton_tol: float | None = None,
+    linear: str = "auto",
     save_at: Sequence[float] | None = None,
     save_every: float | None = None,
     file: str | Path | None = None,
@@ -348,13 +248,15 @@ def simulate(
         The tumour at t = 0; a cell fraction of 0.8 by default.
     t_end : float
         End of the run (dimensionless, as everything here).
-    geometry : {"disk", "quarter_disk", "sphere", "slab"}, mapping or TumourGeometry
+    geometry : {"disk", "quarter_disk", "sphere", "slab", "glioma"}, mapping or TumourGeometry
         ``TumourGeometry(kind="sphere", radius=2.0, formulation="eulerian")`` for viscous cells in a larger ball; a mapping holds the
-        same keys.
-    solver : {"auto", "lines", "fipy"}
-        The compiled method of lines ("auto"), or FiPy, which solves the Eulerian formulation only.
-    cells : int
-        Cells from the centre to the surface. Errors fall as 1/cells^2.
+        same keys: ``{"kind": "quarter_disk", "dimension": "2d"}``.
+    solver : {"auto", "lines", "fipy", "mini"}
+        Of radial bodies the compiled method of lines ("auto"), or FiPy, which solves the Eulerian formulation only; in two dimensions
+        MINI finite elements.
+    cells : int, optional
+        Cells, or triangles, from the centre to the surface: 200 in radial bodies, 40 in disks in two dimensions, 20 in other shapes
+        unless given. Errors fall as 1/cells^2.
     rtol : float
         Accuracy in time: local errors of the cell fraction and relative errors of the radius.
     time_scheme : {"auto", "radau", "bdf2", "backward-euler"}
@@ -363,6 +265,10 @@ def simulate(
     alpha_step : {"conservative", "as-printed"}
         How a step changes the cell fraction. "as-printed" is the step of the authors' code, of backward Euler, which does not keep the
         mass of cells.
+    newton_tol : float, optional
+        Two dimensions: error that Newton's method may leave in a step; a hundredth of rtol unless given.
+    linear : {"auto", "pardiso", "superlu"}
+        Two dimensions: the solver of linear systems.
     save_at : sequence of float, optional
         Times to store, besides 0 and `t_end`; or `save_every`. 51 times by default.
     file : path, optional
@@ -380,7 +286,9 @@ def simulate(
     multiphase.Result
         Fields alpha, C, p, stress_magnitude, and displacement and J (Lagrangian) or u (Eulerian), (nt, cells), at x, the distances from
         the centre, (nt, cells); scalars radius, thickness, area or volume, cell_mass, growth_rate, doubling_time, C_min,
-        necrotic_fraction, necrotic_radius, hypoxic_radius, rim_width, defect_cells, defect_volume, (nt,).
+        necrotic_fraction, necrotic_radius, hypoxic_radius, rim_width, defect_cells, defect_volume, (nt,). In two dimensions the fields
+        are at the points of `mesh`, (nt, points), the displacement (nt, points, 2); scalars are area, cell_mass, doubling_time, C_min,
+        necrotic_fraction, hypoxic_fraction, defect_cells, defect_volume, and of disks radius, growth_rate and asymmetry.
 
     Raises
     ------
@@ -399,7 +307,7 @@ def simulate(
         initial = initial.within(geometry.radius)
     settings = {
         "method": solver, "cells": cells, "rtol": rtol, "time_scheme": time_scheme, "dt": dt, "alpha_step": alpha_step,
-        "max_steps": max_steps,
+        "max_steps": max_steps, "newton_tol": newton_tol, "linear": linear,
     }  # fmt: skip
     scene = make_scene(
         MODEL,

@@ -7,7 +7,7 @@ plenty of oxygen, oxygen in units of that outside, stresses in units of the cell
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,7 +24,16 @@ POSITIONS = 2001
 LARGEST = 1e12
 """Largest size of a value, and one over the smallest of one that must not be 0; beyond it, the unit is wrong and squares overflow."""
 
-_DIMENSIONS: Mapping[str, int] = {"slab": 1, "disk": 2, "quarter_disk": 2, "sphere": 3}
+_DIMENSIONS: Mapping[str, int] = {"slab": 1, "disk": 2, "quarter_disk": 2, "sphere": 3, "glioma": 2, "outline": 2, "mesh": 2}
+RADIAL_KINDS = ("slab", "disk", "quarter_disk", "sphere")
+"""Shapes whose fields may depend on the distance from the middle alone."""
+FILE_KINDS = ("outline", "mesh")
+"""Shapes that are read from a file."""
+RADIAL_CELLS, DISK_CELLS, OTHER_CELLS = 200, 40, 20
+"""Cells from the middle to the surface where a scene does not say: of radial bodies, of disks in two dimensions, of other shapes."""
+NEWTON_SHARE = 1e-2
+"""Newton tolerance over rtol in two dimensions, unless a scene gives it."""
+
 _BALLS: Mapping[int, float] = {1: 2.0, 2: np.pi, 3: 4.0 * np.pi / 3.0}
 
 _PAPER = "paper, quarter disk"
@@ -162,12 +171,12 @@ class TumourInitial:
     -----
     alpha may be a number, ``{"at": [...], "values": [...]}`` with positions from 0 (the centre) to the radius, a formula in r, the
     distance from the centre, and xi = r/radius, or a Python function of r or xi. A Python function is sampled at 2001 equally spaced
-    points of a body of radius 1; `within` samples it on another.
+    points of a body of radius 1; `within` samples it on another. In two dimensions a formula may also use x, y and the angle theta.
     """
 
     alpha: Any = parameter(  # noqa: RUF009
-        0.8, symbol="α", kind="function", variables=("r", "xi"), low=0.0, low_open=True, high=1.0, high_open=True, source=_PAPER,
-        doc="the initial cell fraction alpha",
+        0.8, symbol="α", kind="function", variables=("r", "xi", "x", "y", "theta"), low=0.0, low_open=True, high=1.0, high_open=True,
+        source=_PAPER, doc="the initial cell fraction alpha",
     )  # fmt: skip
 
     table: ClassVar[str] = "initial"
@@ -193,15 +202,21 @@ class TumourGeometry:
 
     Attributes
     ----------
-    kind : "disk", "quarter_disk", "sphere" or "slab"
+    kind : "disk", "quarter_disk", "sphere", "slab", "glioma", "outline" or "mesh"
         A disk in plane strain, whole or the quarter of it that slides on its straight sides; a ball; a layer that is as thick as two
-        radii and the same to both sides of its middle, kept from moving sideways.
+        radii and the same to both sides of its middle, kept from moving sideways; a body with lobes, as a glioma has; the body within
+        an outline, or that of a Gmsh mesh, both from `file`.
     radius : float
-        Radius at rest; half the thickness of a slab.
+        Radius at rest; half the thickness of a slab; of a glioma, the radius of the largest circle within it. An outline and a mesh
+        have their own size.
     dimension : "auto", "radial" or "2d"
-        Whether fields depend on the distance from the centre alone. This version solves radial bodies only.
+        Whether fields depend on the distance from the centre alone; "auto" where they can.
     formulation : "lagrangian" or "eulerian"
         Cells as an elastic solid, on the body at rest, or as a viscous fluid, on the body as it is: two different materials.
+    file : str
+        For an outline, a table of its points (.csv, columns x and y); for a mesh, a Gmsh file.
+    slide_x, slide_y : tuple of str or None
+        Names (or numbers) of the physical lines of a mesh on which the body slides: straight sides that may not move in x, and in y.
     """
 
     kind: str = parameter("disk", symbol="-", choices=tuple(_DIMENSIONS), doc="the kind of geometry")
@@ -210,24 +225,52 @@ class TumourGeometry:
     )
     dimension: str = parameter("auto", symbol="-", choices=("auto", "radial", "2d"), doc="the dimension in which fields vary")
     formulation: str = parameter("lagrangian", symbol="-", choices=("lagrangian", "eulerian"), doc="the formulation")
+    file: str | None = parameter(None, symbol="-", kind="file", doc="the file of the outline or mesh")
+    slide_x: tuple[str, ...] | None = parameter(None, symbol="-", kind="words", doc="the sides that may not move in x")
+    slide_y: tuple[str, ...] | None = parameter(None, symbol="-", kind="words", doc="the sides that may not move in y")
 
     table: ClassVar[str] = "geometry"
 
     def __post_init__(self) -> None:
         validate(self, self.table)
-        if self.dimension != "2d":
+        self._check_dimension()
+        if (self.kind in FILE_KINDS) != (self.file is not None):
+            raise ParameterError(
+                f"{self.table}.file",
+                f'is missing: kind = "{self.kind}" is read from a file.' if self.file is None else f"has no meaning for a {self.kind}.",
+            )
+        for name in ("slide_x", "slide_y"):
+            if getattr(self, name) and self.kind != "mesh":
+                raise ParameterError(f"{self.table}.{name}", f'has no meaning for kind = "{self.kind}": only a mesh has named sides.')
+        if self.kind in FILE_KINDS and self.radius != 1.0:
+            raise ParameterError(f"{self.table}.radius", f'has no meaning for kind = "{self.kind}", which has its own size; leave it out.')
+
+    def _check_dimension(self) -> None:
+        """Refuse a dimension that the shape or the formulation does not have."""
+        if self.dimension == "radial" and self.kind not in RADIAL_KINDS:
+            raise ParameterError(
+                f"{self.table}.dimension", f'"radial" has no meaning for kind = "{self.kind}", which is not round; leave it out.'
+            )
+        if not self.plane:
             return
-        if self.formulation == "eulerian":
-            why = "does not exist in the Eulerian formulation, which is for radial bodies alone"
+        if self.eulerian:
+            name = "dimension" if self.dimension == "2d" else "formulation"
+            why = 'the Eulerian formulation is for radial bodies alone; take formulation = "lagrangian".'
         elif self.m != 2:
-            why = f"has no meaning for a {self.kind}, which varies with the distance from its middle alone"
+            name = "dimension"
+            why = f'"2d" has no meaning for a {self.kind}, which varies with the distance from its middle alone; leave it out.'
         else:
-            why = f"is not in this version, which solves radial bodies; a {self.kind} that stays round has the same solution there"
-        raise ParameterError(f"{self.table}.dimension", f'"2d" {why}. Write dimension = "radial", or leave it out.')
+            return
+        raise ParameterError(f"{self.table}.{name}", why)
+
+    @property
+    def plane(self) -> bool:
+        """Whether fields vary in two dimensions."""
+        return self.dimension == "2d" or self.kind not in RADIAL_KINDS
 
     @property
     def m(self) -> int:
-        """Dimension of the body: 1 for a slab, 2 for a disk or its quarter, 3 for a sphere."""
+        """Dimension of the body: 1 for a slab, 3 for a sphere, else 2."""
         return _DIMENSIONS[self.kind]
 
     @property
@@ -256,14 +299,17 @@ class TumourSolver:
 
     Attributes
     ----------
-    method : "auto", "lines" or "fipy"
-        The compiled method of lines, which "auto" stands for, or FiPy, for the Eulerian formulation only.
-    cells : int
-        Number of cells from the centre to the surface, 4 or more.
+    method : "auto", "lines", "fipy" or "mini"
+        Of radial bodies: the compiled method of lines, or FiPy, for the Eulerian formulation only. In two dimensions: MINI finite
+        elements. "auto" takes lines or mini.
+    cells : int or None
+        Cells, or triangles, from the centre to the surface, 4 or more: triangles are radius/cells wide, with the radius of the largest
+        circle within bodies that are not round. None stands for 200 in radial bodies, 40 in disks in two dimensions and 20 in other
+        shapes. A mesh from a file has its own.
     rtol : float
         Accuracy asked of each time step, greater than 0 and at most 0.1.
     time_scheme : "auto", "radau", "bdf2" or "backward-euler"
-        "auto" is Radau IIA of order five for lines, BDF of order two for fipy, and backward Euler for the printed step of alpha.
+        "auto" is Radau IIA of order five for lines, BDF of order two for fipy and mini, and backward Euler for the printed step of alpha.
     dt : float or None
         A fixed time step; None lets the error control choose.
     max_steps : int
@@ -271,21 +317,30 @@ class TumourSolver:
     alpha_step : "conservative" or "as-printed"
         How a step changes alpha: by the difference of alpha J, which keeps the mass of cells, or by ``(J - J_old) alpha + (alpha -
         alpha_old) J``, as the authors' code does, with backward Euler and in the Lagrangian formulation only.
+    newton_tol : float or None
+        mini: error that Newton's method may leave in a step, relative to the size of the body, of alpha, p and C; None stands for a
+        hundredth of rtol.
+    linear : "auto", "pardiso" or "superlu"
+        mini: the solver of linear systems. "auto" takes PARDISO where it is installed (extra `pardiso`), which is faster.
     """
 
-    method: str = parameter("auto", symbol="-", choices=("auto", "lines", "fipy"), doc="the method")
-    cells: int = parameter(200, symbol="N", low=4, high=1_000_000, doc="the number of cells")
+    method: str = parameter("auto", symbol="-", choices=("auto", "lines", "fipy", "mini"), doc="the method")
+    cells: int | None = parameter(None, symbol="N", kind="integer", low=4, high=1_000_000, doc="the number of cells")
     rtol: float = parameter(1e-4, symbol="rtol", low=1e-12, high=0.1, doc="the accuracy rtol")
     time_scheme: str = parameter("auto", symbol="-", choices=("auto", "radau", "bdf2", "backward-euler"), doc="the time scheme")
     dt: float | None = parameter(None, symbol="Δt", kind="number", low=0.0, low_open=True, doc="the fixed time step dt")
     max_steps: int = parameter(100_000, symbol="-", low=1, doc="the largest number of steps")
     alpha_step: str = parameter("conservative", symbol="-", choices=("conservative", "as-printed"), doc="the step of alpha")
+    newton_tol: float | None = parameter(
+        None, symbol="-", kind="number", low=1e-14, high=1e-2, doc="the tolerance newton_tol of Newton's method"
+    )
+    linear: str = parameter("auto", symbol="-", choices=("auto", "pardiso", "superlu"), doc="the solver of linear systems")
 
     table: ClassVar[str] = "solver"
 
     def __post_init__(self) -> None:
         validate(self, self.table)
-        if self.method == "fipy" and self.time_scheme == "radau":
+        if self.method in ("fipy", "mini") and self.time_scheme == "radau":
             raise ParameterError(
                 f"{self.table}.time_scheme", '"radau" comes with the method "lines" only; take method = "lines", or time_scheme = "bdf2".'
             )
@@ -305,6 +360,17 @@ class TumourSolver:
         if self.alpha_step == "as-printed":
             return method, "backward-euler"
         return method, "radau" if method == "lines" else "bdf2"
+
+    @property
+    def newton_tolerance(self) -> float:
+        """The tolerance of Newton's method that is used in two dimensions."""
+        return NEWTON_SHARE * self.rtol if self.newton_tol is None else self.newton_tol
+
+    def within(self, geometry: TumourGeometry) -> TumourSolver:
+        """The solver with the method and the cells that "auto" and None stand for in two dimensions, and the cells elsewhere."""
+        method = "mini" if geometry.plane and self.method == "auto" else self.method
+        usual = RADIAL_CELLS if not geometry.plane else DISK_CELLS if geometry.kind in RADIAL_KINDS else OTHER_CELLS
+        return replace(self, method=method, cells=usual if self.cells is None else self.cells)
 
     @classmethod
     def preset(cls, name: str) -> TumourSolver:
@@ -343,7 +409,16 @@ def check(parameters: TumourParameters, initial: TumourInitial, geometry: Tumour
     """
     _check_sizes(parameters, initial, geometry)
     _check_moduli(parameters, geometry)
-    _check_fraction(initial, geometry.radius)
+    if not geometry.plane:
+        _check_fraction(initial, geometry.radius)
+    if geometry.plane and solver.method != "mini":
+        raise ParameterError("solver.method", f'"{solver.method}" solves radial bodies only; take method = "mini", or leave it out.')
+    if solver.method == "mini" and not geometry.plane:
+        raise ParameterError(
+            "solver.method",
+            '"mini" solves bodies in two dimensions; take method = "lines"'
+            + (', or write dimension = "2d" in [geometry].' if geometry.kind in ("disk", "quarter_disk") else "."),
+        )
     if solver.method == "fipy" and not geometry.eulerian:
         raise ParameterError(
             "solver.method",
@@ -369,7 +444,7 @@ def _check_moduli(parameters: TumourParameters, geometry: TumourGeometry) -> Non
         why = "makes a slab's elastic energy lose its convexity as the slab thickens"
     else:
         least, is_allowed = 0.0, lam >= 0.0
-        why = f"leaves the elastic energy of a {geometry.kind} without a lower bound, so that it would swell without end"
+        why = f"leaves the elastic energy of a {geometry.kind.replace('_', ' ')} without a lower bound, so that it would swell without end"
     if not is_allowed:
         bound = f"{least:g} or more" if least == 0.0 else f"greater than {least:g}"
         raise ParameterError("parameters.lambda_alpha", f"{lam:g} with mu_alpha = {mu:g} {why}; lambda_alpha must be {bound} here.")
@@ -392,7 +467,7 @@ def _check_sizes(parameters: TumourParameters, initial: TumourInitial, geometry:
                 + ("; 0 lets the fluid flow freely." if name == "kappa" else "."),
             )
     extent = initial.alpha.extent
-    if extent is not None and (extent[0] < 0.0 or extent[1] > geometry.radius * (1.0 + 1e-9)):
+    if not geometry.plane and extent is not None and (extent[0] < 0.0 or extent[1] > geometry.radius * (1.0 + 1e-9)):
         raise ParameterError(
             "initial.alpha",
             f"its positions go from {extent[0]:g} to {extent[1]:g}, but the body from 0 to its radius {geometry.radius:g}; positions are "
@@ -401,8 +476,15 @@ def _check_sizes(parameters: TumourParameters, initial: TumourInitial, geometry:
 
 
 def _check_fraction(initial: TumourInitial, radius: float) -> None:
-    """Refuse a cell fraction that is not between 0 and 1, or was sampled on another body."""
+    """Refuse a cell fraction that is not between 0 and 1, depends on more than the radius, or was sampled on another body."""
     function: PositionFunction = initial.alpha
+    others = sorted(function.names - {"r", "xi"})
+    if others:
+        raise ParameterError(
+            "initial.alpha",
+            f"the formula uses {', '.join(others)}, but fields of this body depend on the distance from its middle alone; use r and xi, or "
+            'write dimension = "2d" in [geometry] for a disk or quarter disk.',
+        )
     if function.with_length(radius) != function:
         raise ParameterError(
             "initial.alpha",

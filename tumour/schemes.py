@@ -37,8 +37,10 @@ class Radial(lines.SemiDiscrete):
     def __init__(self, parameters: TumourParameters, initial: TumourInitial, geometry: TumourGeometry, solver: TumourSolver) -> None:
         self.kernel.announce()
         self.parameters, self.geometry, self.solver = parameters, geometry, solver
-        self.cells, self.m, self.rtol = solver.cells, geometry.m, solver.rtol
-        self.grid = MovingGrid(solver.cells)
+        cells = solver.within(geometry).cells
+        assert cells is not None
+        self.cells, self.m, self.rtol = cells, geometry.m, solver.rtol
+        self.grid = MovingGrid(cells)
         self.scalars = observation.scalar_names(self.m)
         self._build(initial)
 

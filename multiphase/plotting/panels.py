@@ -52,7 +52,7 @@ def _draw_scalar(view: View, panel: Panel, axes: Axes) -> None:
         side.plot(view.t, view.values[name], style, marker=marker, markersize=4, color=colour, label=name)
 
     draw_lines(view, panel, axes, draw)
-    axes.set_xlim(*_time_limits(view.t))
+    axes.set_xlim(*time_limits(view.t))
     axes.set_xlabel(view.time_label())
 
 
@@ -84,7 +84,8 @@ def _draw_profile(view: View, panel: Panel, axes: Axes) -> None:
     axes.set_xlabel(view.position_label())
 
 
-def _time_limits(t: Array) -> tuple[float, float]:
+def time_limits(t: Array) -> tuple[float, float]:
+    """Of an axis of the stored times `t`."""
     return (float(t[0]), float(t[-1])) if t[-1] > t[0] else limits(t)
 
 
@@ -95,7 +96,7 @@ def _draw_spacetime(view: View, panel: Panel, axes: Axes) -> None:
     name = panel.names[0]
     axes.set_xlabel(view.time_label())
     axes.set_ylabel(view.position_label())
-    axes.set_xlim(*_time_limits(view.t))
+    axes.set_xlim(*time_limits(view.t))
     axes.set_ylim(0.0, view.reach)
     if len(view.t) == 1:
         axes.text(0.5, 0.5, "needs two stored times", transform=axes.transAxes, ha="center", va="center")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,43 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+DISPLACEMENT = "displacement"  # the field that takes the points of a body from rest to where they are
+ON_A_LINE = ("profile", "spacetime", "ring")
+ON_TRIANGLES = ("map", "maps")
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A two-dimensional body in the unit it is drawn in.
+
+    Attributes
+    ----------
+    rest : ndarray (points, 2)
+        The points of its mesh at rest.
+    displacement : ndarray (nt, points, 2)
+    triangles, outline : ndarray of int (triangles, 3), (edges, 2)
+        The points of its triangles, and of the edges that belong to one triangle only.
+    """
+
+    rest: Array
+    displacement: Array
+    triangles: NDArray[np.int64]
+    outline: NDArray[np.int64]
+
+    def positions(self, row: int) -> Array:
+        """Where the points are at a stored time, (points, 2)."""
+        return np.asarray(self.rest + self.displacement[row])
+
+    def window(self, rows: Sequence[int]) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Limits of x and of y that hold the body at rest and at the stored times `rows`, with a margin; neither is much the shorter."""
+        used = np.unique(self.triangles)
+        shapes = [self.rest[used], *(self.positions(row)[used] for row in rows)]
+        low, high = (end([end(shape, axis=0) for shape in shapes], axis=0) for end in (np.min, np.max))
+        span = np.maximum(high - low, 0.2 * float(np.max(high - low)))
+        middle, half = 0.5 * (low + high), 0.53 * span
+        (left, bottom), (right, top) = (middle - half).tolist(), (middle + half).tolist()
+        return (left, right), (bottom, top)
+
 
 @dataclass(frozen=True, slots=True)
 class View:
@@ -27,11 +65,13 @@ class View:
     Attributes
     ----------
     values : dict of str to ndarray
-        Scalars (nt,) and, on a 1D grid, fields (nt, cells).
+        Scalars (nt,) and fields, (nt, cells) on a 1D grid and (nt, points) or (nt, points, 2) on triangles.
     edges, wall : ndarray (nt, cells + 1), (nt,), or None without a 1D grid
         Cell edges, and the outer end of the domain.
     inner : float or None
         Where the domain is the radius of a round body, the radius at its inner end; positions are measured from there.
+    body : Body or None
+        The deformed triangles of a result in two dimensions that holds its displacement.
     """
 
     result: Result
@@ -41,6 +81,7 @@ class View:
     edges: Array | None
     wall: Array | None
     inner: float | None = None
+    body: Body | None = None
 
     @property
     def t(self) -> Array:
@@ -64,11 +105,26 @@ class View:
         """What a round body encloses; empty to say nothing."""
         return self.model.ends[0].split(" | ")[0]
 
-    def drawable(self, panel: Panel) -> bool:
+    def drawn(self, panel: Panel) -> Panel | None:
+        """The panel as this result shows it, a scalar panel with the names that there are; None where there is nothing to show."""
         if (panel.kind == "ring" or panel.round_only) and self.inner is None:
+            return None
+        here = "line" if self.result.mesh is None else "triangles"
+        if panel.grid not in ("", here):
+            return None
+        if panel.kind == "scalar":
+            names = tuple(name for name in panel.names if self._is_scalar(name))
+            return replace(panel, names=names) if names else None
+        if (self.edges if panel.kind in ON_A_LINE else self.body) is None:
+            return None
+        dimensions = (2,) if panel.kind in ON_A_LINE else (2, 3)
+        return panel if all(name in self.values and self.values[name].ndim in dimensions for name in panel.names) else None
+
+    def _is_scalar(self, name: str) -> bool:
+        """Whether there is such a scalar; of a body of any shape, one that is a number at some time, as a radius need not be."""
+        if name not in self.values or self.values[name].ndim != 1:
             return False
-        wanted = 1 if panel.kind == "scalar" else 2
-        return all(name in self.values and self.values[name].ndim == wanted for name in panel.names)
+        return self.result.mesh is None or bool(np.isfinite(self.values[name]).any())
 
     def symbol(self, name: str) -> str:
         quantity = self.model.quantities.get(name)
@@ -81,6 +137,11 @@ class View:
         quantity = self.model.quantities.get(names[0])
         description = quantity.description if quantity else self.result.descriptions.get(names[0], "")
         return f"{self.symbol(names[0])} {textwrap.fill(description + self.bracket(names[0]), 32)}".strip()
+
+    def short_label(self, name: str) -> str:
+        """Symbol and unit; of a vector those of its size."""
+        symbol = self.symbol(name)
+        return (f"|{symbol}|" if self.values[name].ndim == 3 else symbol) + self.bracket(name)
 
     def bracket(self, name: str) -> str:
         return "" if self.result.unit(name) == "-" else f" [{self.result.unit(name)}]"
@@ -114,6 +175,8 @@ def view_of(result: Result) -> View:
     result = result.in_units()
     x, wall = result.x, result.width()
     keep = np.isfinite(result.t)
+    if result.mesh is not None and DISPLACEMENT in result.fields:
+        keep = keep & np.isfinite(result.fields[DISPLACEMENT]).all(axis=(1, 2))
     if x is not None and wall is not None:
         keep = keep & np.isfinite(x).all(axis=1) & np.isfinite(wall)
     if not keep.any():
@@ -128,11 +191,22 @@ def view_of(result: Result) -> View:
         fields={name: values[keep] for name, values in result.fields.items()},
     )
     if x is None or wall is None:
-        return View(result, model, str(title), dict(result.scalars), None, None)
+        fields = {} if result.mesh is None else result.fields
+        return View(result, model, str(title), result.scalars | fields, None, None, body=_body(result))
     x, wall = x[keep], wall[keep]
     edges = np.column_stack([np.zeros(len(x)), 0.5 * (x[:, 1:] + x[:, :-1]), wall])
     values = result.scalars | {name: field for name, field in result.fields.items() if field.shape == x.shape}
     return View(result, model, str(title), values, edges, wall, _inner_radius(model, tables))
+
+
+def _body(result: Result) -> Body | None:
+    """The body of a result that has triangles and their displacement."""
+    mesh = result.mesh
+    if mesh is None or not mesh.triangles.size or DISPLACEMENT not in result.fields:
+        return None
+    edges = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, count = np.unique(edges, axis=0, return_counts=True)
+    return Body(mesh.points, result.fields[DISPLACEMENT], mesh.triangles, edges[count == 1])
 
 
 def _inner_radius(model: Model, tables: dict[str, Any]) -> float | None:

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from skfem import MeshTri
 
 from multiphase.compare import Comparison, Difference, compare
 from multiphase.errors import ParameterError
+from multiphase.mesh import Mesh
 from multiphase.result import Result
 
 
@@ -247,3 +249,138 @@ def test_the_cost_of_both_is_told_where_it_is_known() -> None:
     assert "A: 7 steps (3 rejected), 20 iterations, 0.012 s with lines on 1 thread" in found.table()
     assert "B:" not in found.table()
     assert "7 steps" in found.to_json()
+
+
+# -- on meshes --------------------------------------------------------------------------------------------------------
+
+
+def square(refinements: int = 3, side: float = 1.0) -> Mesh:
+    mesh = MeshTri().refined(refinements)
+    return Mesh(side * mesh.p.T, mesh.t.T)
+
+
+def disk(edges: int) -> Mesh:
+    """A polygon in the unit circle and its centre: its boundary lies within the circle, more so with fewer edges."""
+    angles = 2 * np.pi * np.arange(edges) / edges
+    points = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(angles), np.sin(angles)], axis=-1)])
+    around = np.arange(edges)
+    return Mesh(points, np.stack([np.zeros(edges, dtype=int), 1 + around, 1 + (around + 1) % edges], axis=-1))
+
+
+def on_mesh(mesh: Mesh | None = None, bend: float = 0.0) -> Result:
+    """Fields that are linear in space, but for `bend`."""
+    mesh = mesh or square()
+    t = np.array([0.0, 0.5, 1.0])
+    x, y = mesh.points.T
+    moved = t[:, None, None] * np.stack([3.0 * x, 4.0 * y + bend * x**2], axis=-1)
+    return Result(
+        model="tumour",
+        t=t,
+        mesh=mesh,
+        scalars={"area": 1 + t},
+        fields={"alpha": (1 + 2 * x - y) * (1 + t[:, None]) + bend * x**2, "displacement": moved},
+    )
+
+
+def test_one_mesh_is_compared_node_by_node() -> None:
+    a = on_mesh()
+    assert a.mesh is not None
+    found = compare(a, change(change(a, "alpha", (1, 7), 0.25), "displacement", (2, 9), np.array([0.3, -0.4])))
+    entry = of(found, "alpha")
+    assert entry.max_abs == pytest.approx(0.25, rel=1e-14)
+    assert (entry.time, entry.xi, entry.position) == (0.5, None, tuple(a.mesh.points[7]))
+    assert entry.scale == 6.0
+    assert entry.l1 == pytest.approx(0.25 * a.mesh.point_areas()[7], rel=1e-13)  # of a body of area 1
+    entry = of(found, "displacement")
+    assert entry.max_abs == pytest.approx(0.5, rel=1e-14)  # the length of (0.3, -0.4)
+    assert entry.position == tuple(a.mesh.points[9])
+    assert entry.scale == 5.0  # of (3, 4)
+    assert found.cells == 81
+    assert found.notes == ()
+    assert not found.identical
+
+
+def test_meshes_that_differ_by_rounding_are_one() -> None:
+    a = on_mesh()
+    assert a.mesh is not None
+    found = compare(a, replace(a, mesh=Mesh(a.mesh.points + 1e-13, a.mesh.triangles)))
+    assert found.notes == ()
+    assert found.worst == 0.0
+    assert not found.identical
+    assert compare(a, on_mesh()).identical
+    moved = compare(a, replace(a, mesh=Mesh(a.mesh.points + 1e-9, a.mesh.triangles)))
+    assert moved.notes
+
+
+def test_another_mesh_of_the_body_is_interpolated() -> None:
+    for b, size in ((square(4), "289 nodes, 512 triangles"), (square(1), "9 nodes, 8 triangles")):
+        found = compare(on_mesh(), on_mesh(b))
+        # Linear interpolation of linear fields: rounding of values of size 6 remains.
+        assert found.worst < 1e-15
+        assert found.cells == 81
+        assert found.notes == (
+            f"different meshes: fields of B ({size}) are interpolated linearly to the nodes of A (81 nodes, 128 triangles)",
+        )
+        assert found.notes[0] in found.table()
+        assert json.loads(found.to_json())["notes"] == list(found.notes)
+
+
+def test_interpolation_on_meshes_is_of_second_order() -> None:
+    fine = on_mesh(square(5), bend=1.0)
+    errors = [of(compare(fine, on_mesh(square(level), bend=1.0)), "alpha").max_abs for level in (2, 3)]
+    # x² between its values at a distance of h: h²/4 off in the middle, where the finer mesh has nodes.
+    assert errors == pytest.approx([1 / 64, 1 / 256], rel=1e-12)
+
+
+def test_nodes_outside_of_a_coarser_boundary_take_the_nearest_triangle() -> None:
+    a, b = on_mesh(disk(64)), on_mesh(disk(12))
+    for found in (compare(a, b), compare(b, a)):
+        assert found.notes[0].startswith("different meshes")
+        assert found.worst < 1e-15  # continued linearly, so linear fields stay exact
+
+
+@pytest.mark.parametrize("other", [square(side=2.0), square(side=0.5), disk(40)])
+def test_fields_on_different_bodies_are_not_compared(other: Mesh) -> None:
+    found = compare(on_mesh(), on_mesh(other))
+    assert [entry.name for entry in found.differences] == ["area"]
+    assert found.notes == ("fields are not compared: the meshes are of different bodies",)
+    assert found.cells is None
+
+
+def test_a_mesh_and_cells_compare_by_their_scalars() -> None:
+    a = on_mesh()
+    b = replace(a, mesh=None, x=np.ones((3, 5)), scalars={"area": 1.5 * a["area"]}, fields={"alpha": np.ones((3, 5))})
+    for found, note in ((compare(a, b), "A is on a mesh, B is not"), (compare(b, a), "B is on a mesh, A is not")):
+        assert [entry.name for entry in found.differences] == ["area"]
+        assert found.notes == (f"fields are not compared: {note}",)
+        assert found.worst == pytest.approx(1 / 3, rel=1e-14)
+        assert found.notes[0] in found.table()
+
+
+def test_table_of_results_on_a_mesh() -> None:
+    a = on_mesh()
+    table = compare(a, change(a, "alpha", (1, 3), 0.25)).table().splitlines()
+    assert table[0] == "compared at 3 common times, 0 to 1 and 81 positions"
+    assert a.mesh is not None
+    x, y = a.mesh.points[3]
+    row = next(line for line in table if line.startswith("alpha "))
+    assert row.split() == ["alpha", "2.500e-01", "4.167e-02", f"{0.25 * a.mesh.point_areas()[3]:.3e}", "0.5", f"({x:.4g},", f"{y:.4g})"]
+    assert max(map(len, table)) <= 100
+
+
+def test_meshes_in_different_units() -> None:
+    with pytest.raises(ParameterError, match=r"meshes.*different units"):
+        compare(on_mesh(), replace(on_mesh(), units={"points": "µm"}))
+
+
+def test_what_is_not_finite_is_said_in_words() -> None:
+    a = replace(sample(), scalars={"doubling_time": np.array([np.nan, np.inf, 2.0])})
+    assert compare(a, replace(a, checkpoint={})).worst == 0
+    table = compare(a, change(a, "doubling_time", 0, 0.0)).table()
+    assert "not finite" not in table
+    b = replace(a, scalars={"doubling_time": np.array([np.nan, 5.0, 2.0])})
+    table = compare(a, b).table()
+    assert table.splitlines()[-1] == "worst: doubling_time, not finite in one (balance defects not counted)"
+    row = next(line for line in table.splitlines() if line.startswith("doubling_time "))
+    assert row.split() == ["doubling_time", "not", "finite", "in", "one", "0.5"]
+    assert "inf" not in table.replace("finite", "")

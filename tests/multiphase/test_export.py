@@ -14,6 +14,7 @@ import pytest
 from multiphase import result as result_module
 from multiphase.errors import ParameterError
 from multiphase.export import export
+from multiphase.mesh import Mesh
 from multiphase.model import Quantity
 from multiphase.result import Result
 
@@ -96,11 +97,39 @@ def test_a_field_of_vectors_gives_a_column_for_each_component(tmp_path: Path) ->
     vectors = np.arange(24.0).reshape(3, 4, 2)
     _, beside = export(replace(sample(), x=None, fields={"v": vectors}), tmp_path / "run.csv")
     _, table = read(beside)
-    assert list(table) == ["t", "cell", "v_0", "v_1"]
-    assert np.array_equal(np.stack([table["v_0"], table["v_1"]], axis=-1).reshape(3, 4, 2), vectors)
+    assert list(table) == ["t", "cell", "v_x", "v_y"]
+    assert np.array_equal(np.stack([table["v_x"], table["v_y"]], axis=-1).reshape(3, 4, 2), vectors)
 
 
-@pytest.mark.parametrize("name", ["run.vtkhdf", "run.xlsx", "run"])
+def test_a_result_on_a_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("multiphase.export._ROWS", 5)  # fewer than the table has, and no divisor of them
+    mesh = Mesh(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) / 3, np.array([[0, 1, 2], [1, 3, 2]]))
+    moved = np.arange(24.0).reshape(3, 4, 2) / 7
+    fields = {"alpha": sample()["n"], "displacement": moved}
+    units = {"points": "µm", "displacement": "µm", "alpha": "-", "t": "day", "L": "µm"}
+    result = replace(sample(), x=None, mesh=mesh, fields=fields, units=units, descriptions={"displacement": "of the cells"})
+    _, beside = export(result, tmp_path / "run.csv")
+    comments, table = read(beside)
+    assert list(table) == ["t", "point", "x", "y", "alpha", "displacement_x", "displacement_y"]
+    assert np.array_equal(table["point"], [0, 1, 2, 3] * 3)
+    where = np.stack([table["x"], table["y"]], axis=-1).reshape(3, 4, 2)
+    assert np.array_equal(where, [result.positions(index) for index in range(3)])
+    assert np.array_equal(np.stack([table["displacement_x"], table["displacement_y"]], axis=-1).reshape(3, 4, 2), moved)
+    assert np.array_equal(table["alpha"].reshape(3, 4), result["alpha"])
+    assert "# unit displacement_y: µm (of the cells)" in comments
+    assert "# unit y: µm (y of the node at this time)" in comments
+    del fields["displacement"]
+    _, beside = export(replace(result, fields=fields), tmp_path / "run.csv")
+    assert list(read(beside)[1]) == ["t", "point", "alpha"]
+
+
+def test_vtkhdf_is_for_results_on_a_mesh(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match=r"run\.vtkhdf.*is for results in two dimensions.*Take \.csv"):
+        export(sample(), tmp_path / "run.vtkhdf")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["run.xlsx", "run"])
 def test_unknown_ending(tmp_path: Path, name: str) -> None:
     with pytest.raises(ParameterError, match=r"must be \.csv") as caught:
         export(sample(), tmp_path / name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,9 @@ import numpy as np
 import pytest
 
 from multiphase import result as result_module
+from multiphase.cli import main
 from multiphase.errors import ParameterError
+from multiphase.mesh import Mesh
 from multiphase.model import Quantity
 from multiphase.result import Result, load
 
@@ -46,9 +49,89 @@ def model(monkeypatch: pytest.MonkeyPatch) -> None:
         "L": Quantity("L", "L", "width", {"length": 1}),
         "L_rate": Quantity("L_rate", "L'", "growth rate", {"length": 1, "time": -1}),
         "n": Quantity("n", "n", "necrotic fraction"),
+        "displacement": Quantity("displacement", "x - X", "displacement", {"length": 1}),
         "l": Quantity("l", "l", "modLDL", {"concentration": 1}),
     }
     monkeypatch.setattr(result_module, "find_model", lambda name: SimpleNamespace(quantities=quantities))
+
+
+def on_mesh(**changes: object) -> Result:
+    """The unit square in two triangles, stretched along y."""
+    t = np.array([0.0, 0.5, 2.0])
+    mesh = Mesh(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), np.array([[0, 1, 2], [1, 3, 2]]))
+    moved = np.zeros((3, 4, 2))
+    moved[:, 2:, 1] = t[:, None]
+    fields = {"n": np.arange(4) * t[:, None], "displacement": moved}
+    data: dict[str, object] = {"model": "synthetic", "t": t, "mesh": mesh, "scalars": {"L": 1 + t}, "fields": fields}
+    return Result(**(data | changes))  # type: ignore[arg-type]
+
+
+def test_on_a_mesh() -> None:
+    result = on_mesh()
+    assert repr(result) == ("<Result of synthetic, completed: 3 times in [0, 2], 4 nodes, 2 triangles; scalars L; fields n, displacement>")
+    assert result.positions(2).tolist() == [[0, 0], [1, 0], [0, 3], [1, 3]]
+    assert result.positions(0).tolist() == on_mesh().mesh.points.tolist()  # type: ignore[union-attr]
+    row = result.at(1.25)
+    assert row["displacement"][:, 1] == pytest.approx([0, 0, 1.25, 1.25], rel=1e-15)  # linear in t
+    assert row["n"] == pytest.approx(np.arange(4) * 1.25, rel=1e-15)
+    assert result.width() is None
+
+
+def test_info_tells_nodes_and_triangles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("multiphase.model.find_model", lambda name: SimpleNamespace(title="Synthetic", summary=lambda result: []))
+    on_mesh().save(tmp_path / "mesh.h5")
+    sample().save(tmp_path / "cells.h5")
+    assert main(["info", str(tmp_path / "mesh.h5")]) == 0
+    assert "3 times, 4 nodes, 2 triangles; fields n, displacement" in capsys.readouterr().out
+    assert main(["info", str(tmp_path / "cells.h5")]) == 0
+    assert "3 times, 4 cells; fields n, l" in capsys.readouterr().out
+    told = []
+    for name in ("mesh", "cells"):
+        assert main(["info", "--json", str(tmp_path / f"{name}.h5")]) == 0
+        data = json.loads(capsys.readouterr().out)
+        told.append((data["nodes"], data["triangles"]))
+    assert told == [(4, 2), (None, None)]
+
+
+def test_positions_without_a_mesh_or_a_displacement() -> None:
+    result = sample()
+    assert np.array_equal(result.positions(1), result["x"][1])
+    with pytest.raises(ParameterError, match="no positions"):
+        sample(x=None).positions(0)
+    with pytest.raises(ParameterError, match="displacement"):
+        on_mesh(fields={}).positions(0)
+
+
+def test_fields_must_fit_the_mesh() -> None:
+    with pytest.raises(ParameterError, match=r"n: has shape \(3, 5\), but the mesh has 4 nodes"):
+        on_mesh(fields={"n": np.zeros((3, 5))})
+    with pytest.raises(ParameterError, match="n: has shape"):
+        on_mesh(fields={"n": np.zeros(3)})
+    with pytest.raises(ParameterError, match="both"):
+        on_mesh(x=np.zeros((3, 4)))
+
+
+@pytest.mark.usefixtures("model")
+def test_a_mesh_in_units() -> None:
+    result = on_mesh(scene=SCALES)
+    shown = result.in_units()
+    assert shown.mesh is not None
+    assert shown.mesh.points.tolist() == [[0, 0], [100, 0], [0, 100], [100, 100]]
+    assert shown.unit("points") == "µm"
+    assert shown.positions(2).tolist() == [[0, 0], [100, 0], [0, 300], [100, 300]]
+    assert result.mesh is not None
+    assert result.mesh.points.max() == 1, "the result itself is as it was"
+
+
+def test_a_mesh_in_xarray() -> None:
+    pytest.importorskip("xarray")
+    data = on_mesh().to_xarray()
+    assert dict(data.sizes) == {"time": 3, "point": 4, "component": 2, "triangle": 2, "corner": 3}
+    assert data["displacement"].dims == ("time", "point", "component")
+    assert data["n"].dims == ("time", "point")
+    assert set(data.coords) == {"t", "x_rest", "y_rest"}
+    assert data["y_rest"].values.tolist() == [0, 0, 1, 1]
+    assert data["triangles"].values.tolist() == [[0, 1, 2], [1, 3, 2]]
 
 
 def test_names() -> None:

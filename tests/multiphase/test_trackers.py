@@ -14,9 +14,10 @@ import pytest
 
 import multiphase
 from multiphase import storage
+from multiphase.errors import ParameterError
 from multiphase.result import Result
 from multiphase.stepping import Control, Snapshot, Solved, State, StopRun, Tracker, integrate, start
-from multiphase.trackers import Balances, Progress, Recorder, SteadyState, WallTime
+from multiphase.trackers import Balances, Progress, Recorder, SteadyState, WallTime, _Column
 
 SAVE_AT = (0.0, 0.25, 0.5, 1.0)
 
@@ -141,27 +142,55 @@ def test_writes_that_take_long_are_made_more_seldom(tmp_path: Path, monkeypatch:
     assert writes == [1, 11, 21, 31, 41]
 
 
-def test_an_interrupted_collection_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C may strike while rows are joined; the collection made after it has them all, and its arrays fit each other."""
+def test_an_interrupt_while_a_row_is_kept_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C may strike while a row is copied; the collection made after it has them all, and its arrays fit each other."""
+    recorder, number = Recorder(empty(), None), [0]
+    real = _Column.put
+
+    class Interrupted(Tracker):
+        """In the place of the recorder: strikes at each of the copies of a row in turn, and lets the next attempt pass."""
+
+        def on_save(self, state: State, snapshot: Snapshot) -> None:
+            left = [number[0] % 5 + 1]  # t; x; L; n, l
+            number[0] += 1
+
+            def put(column: _Column, index: int, row: Any) -> None:
+                left[0] -= 1
+                if left[0] == 0:
+                    raise KeyboardInterrupt
+                real(column, index, row)
+
+            with monkeypatch.context() as patch:
+                patch.setattr(_Column, "put", put)
+                with pytest.raises(KeyboardInterrupt):
+                    recorder.on_save(state, snapshot)
+            if number[0] % 2:  # two rows may wait
+                assert recorder.collect().t.tolist() == list(SAVE_AT[: number[0]])
+
+    run(Interrupted())
+    result, whole = recorder.collect(), Recorder(empty(), None)
+    run(whole)
+    expected = whole.collect()
+    for name in ("t", "x", "L", "n", "l"):
+        assert result[name].tobytes() == expected[name].tobytes()
+
+
+def test_what_was_collected_stays_as_it_is() -> None:
     recorder = Recorder(empty(), None)
-    run(recorder)
-    left, real = [0], np.array
+    collected = []
+    for i in range(40):  # the space doubles at 16 and 32 rows
+        recorder.on_save(state_at(float(i)), snapshot(float(i), y=float(i), L=2.0 * i))
+        collected.append(recorder.collect())
+    for count, result in enumerate(collected, start=1):
+        assert result.t.tolist() == [float(i) for i in range(count)]
+        assert result["n"].tolist() == [[float(i)] * 2 for i in range(count)]
+        assert result["L"].tolist() == [2.0 * i for i in range(count)]
 
-    def array(*arguments: Any, **settings: Any) -> Any:
-        left[0] -= 1
-        if left[0] == 0:
-            raise KeyboardInterrupt
-        return real(*arguments, **settings)
 
-    with monkeypatch.context() as patch:
-        patch.setattr("multiphase.trackers.np.array", array)
-        for join in range(1, 6):  # L; n, l; x; t
-            left[0] = join
-            with pytest.raises(KeyboardInterrupt):
-                recorder.collect()
-    result = recorder.collect()
-    assert result.t.tolist() == list(SAVE_AT)
-    assert {len(values) for values in (result.t, result["L"], result["n"], result["l"], result["x"])} == {4}
+def test_a_quantity_that_a_stored_result_lacks_is_named() -> None:
+    stored = Result(model="plaque", t=np.zeros(1), x=np.zeros((1, 2)), fields={"n": np.zeros((1, 2))})
+    with pytest.raises(ParameterError, match="L: is not in the stored result"):
+        Recorder(stored, None).on_save(state_at(1.0), snapshot(1.0, L=1.0))
 
 
 # -- Progress ---------------------------------------------------------------------------------------------------------

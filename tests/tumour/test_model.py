@@ -6,6 +6,7 @@ import csv
 import logging
 import re
 import tomllib
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,8 @@ from tumour import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
 from tumour.model import MODEL
 from tumour.observation import scalar_names
 
-SCENES = ("tumour-disk", "tumour-eulerian", "tumour-slab", "tumour-sphere")
+SCENES = ("tumour-disk", "tumour-eulerian", "tumour-glioma", "tumour-glioma-stiff", "tumour-slab", "tumour-sphere")
+RADIAL = tuple(name for name in SCENES if "glioma" not in name)
 ELASTIC = {"alpha", "C", "p", "displacement", "J", "stress_magnitude"}
 VISCOUS = {"alpha", "C", "p", "u", "stress_magnitude"}
 SMALL = ["--set", "solver.cells=20", "--set", "time.end=6", "--set", "time.save_every=2"]
@@ -46,7 +48,7 @@ def grown(**changes: Any) -> Result:
 
 def test_the_scenes_that_ship() -> None:
     assert tuple(name for name, scene in shipped_scenes().items() if scene.model == "tumour") == SCENES
-    disk, eulerian, slab, sphere = (load_scene(name) for name in SCENES)
+    disk, eulerian, glioma, stiff, slab, sphere = (load_scene(name) for name in SCENES)
     assert [scene.geometry.kind for scene in (disk, eulerian, slab, sphere)] == ["quarter_disk", "sphere", "slab", "sphere"]
     assert disk.parameters == TumourParameters.preset("paper")
     assert disk.parameters.mobility == "printed"
@@ -54,7 +56,12 @@ def test_the_scenes_that_ship() -> None:
         assert scene.parameters == TumourParameters()
         assert scene.geometry.eulerian == (scene is eulerian)
     for scene in (disk, eulerian, slab, sphere):
-        assert scene.solver == TumourSolver()
+        assert scene.solver == TumourSolver(cells=200)
+        assert MODEL.plan(scene).warnings == ()
+    for scene, lambda_alpha in ((glioma, 0.0), (stiff, 1.0)):
+        assert scene.parameters == replace(TumourParameters.preset("paper"), lambda_alpha=lambda_alpha)
+        assert (scene.geometry.kind, scene.geometry.radius, scene.time.end) == ("glioma", 0.39, 100.0)
+        assert scene.solver == TumourSolver(method="mini", cells=20)
         assert MODEL.plan(scene).warnings == ()
 
 
@@ -66,7 +73,7 @@ def test_commented_values_of_the_disk_scene_are_the_presets() -> None:
     assert said == to_table(TumourParameters.preset("paper"))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", RADIAL)
 def test_a_scene_runs(name: str) -> None:
     scene = load_scene(name, ["time.end=12", "solver.cells=40"])
     result = run(scene)
@@ -84,7 +91,7 @@ def test_a_scene_runs(name: str) -> None:
         assert np.abs(result[name]).max() < 1e-11
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", RADIAL)
 def test_the_comments_of_the_scenes_hold(name: str) -> None:
     """When hypoxia and necrosis come, and where growth ends."""
     result = run(load_scene(name))
@@ -372,7 +379,9 @@ def test_every_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
     ("sets", "words"),
     [
         (["solver.method=fipy"], ("solver.method", "Eulerian")),
-        (["geometry.dimension=2d"], ("geometry.dimension", "radial")),
+        (["geometry.dimension=2d", "solver.method=lines"], ("solver.method", "mini")),
+        (["solver.method=mini"], ("solver.method", 'dimension = "2d"')),
+        (["initial.alpha=0.8 + 0.01*x"], ("initial.alpha", "uses x")),
         (["output.vtk=true"], ("output.vtk", ".csv")),
         (["parameters.lamda_alpha=1"], ("parameters.lamda_alpha", "lambda_alpha")),
         (["geometry.kind=annulus"], ("geometry.kind", '"sphere"')),

@@ -46,7 +46,7 @@ def test_contract_names_and_defaults() -> None:
     assert to_table(TumourInitial()) == {"alpha": 0.8}
     assert to_table(TumourGeometry()) == {"kind": "disk", "radius": 1.0, "dimension": "auto", "formulation": "lagrangian"}
     assert to_table(TumourSolver()) == {
-        "method": "auto", "cells": 200, "rtol": 1e-4, "time_scheme": "auto", "max_steps": 100_000, "alpha_step": "conservative",
+        "method": "auto", "rtol": 1e-4, "time_scheme": "auto", "max_steps": 100_000, "alpha_step": "conservative", "linear": "auto",
     }  # fmt: skip
     assert all(specification.source for specification in specifications(TumourParameters).values())
 
@@ -168,8 +168,9 @@ def test_initial_states_refused(alpha: Any) -> None:
 def test_message_gives_the_worst_position() -> None:
     error = refusal(None, TumourInitial(alpha="0.5 + xi"), radius=2.0)
     assert "alpha is 1.5 at r = 2 (xi = 1); it must be greater than 0 and below 1 everywhere" in str(error)
-    with pytest.raises(ParameterError, match=r"may use r, xi, pi"):
-        TumourInitial(alpha="0.8 - 0.1*x")
+    with pytest.raises(ParameterError, match=r"may use r, xi, x, y, theta, pi"):
+        TumourInitial(alpha="0.8 - 0.1*z")
+    assert "the formula uses theta, x, but fields of this body" in str(refusal(None, TumourInitial(alpha="0.8 - 0.1*x*cos(theta)")))
 
 
 def test_positions_are_called_r() -> None:
@@ -206,10 +207,14 @@ def test_geometry() -> None:
         ({"radius": 1e13}, "radius", "to 1e\\+12"),
         ({"formulation": "euler"}, "formulation", 'did you mean "eulerian"'),
         ({"dimension": "3d"}, "dimension", '"2d"'),
-        ({"dimension": "2d"}, "dimension", 'not in this version, which solves radial bodies; a disk .* Write dimension = "radial"'),
-        ({"dimension": "2d", "kind": "quarter_disk"}, "dimension", "a quarter_disk that stays round"),
         ({"dimension": "2d", "kind": "sphere"}, "dimension", "no meaning for a sphere"),
-        ({"dimension": "2d", "formulation": "eulerian"}, "dimension", "does not exist in the Eulerian formulation"),
+        ({"dimension": "2d", "formulation": "eulerian"}, "dimension", "the Eulerian formulation is for radial bodies alone"),
+        ({"kind": "glioma", "formulation": "eulerian"}, "formulation", 'take formulation = "lagrangian"'),
+        ({"kind": "glioma", "dimension": "radial"}, "dimension", "which is not round"),
+        ({"kind": "mesh"}, "file", "is missing"),
+        ({"kind": "disk", "file": "x.msh"}, "file", "no meaning for a disk"),
+        ({"kind": "mesh", "file": "x.msh", "radius": 2.0}, "radius", "has its own size"),
+        ({"kind": "glioma", "slide_x": ["left"]}, "slide_x", "only a mesh has named sides"),
     ):
         with pytest.raises(ParameterError, match=words) as caught:
             TumourGeometry(**values)

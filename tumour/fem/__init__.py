@@ -1,0 +1,1 @@
+"""The two-dimensional elastic tumour with MINI elements."""

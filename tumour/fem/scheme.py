@@ -1,0 +1,238 @@
+"""The elastic tumour in two dimensions as a scheme for the time loop: one implicit step with MINI elements.
+
+The vector of a state is
+
+    [ d_x, d_y, alpha, p, C of each point | bubbles | moments of alpha J | moments of J | cells born, volume gained | rate of the volume ]
+
+The moments ``m_i = (alpha J, phi_i)`` and ``j_i = (J, phi_i)`` advance by the loop's formula and what the equations say, so no cell and
+no volume is lost whatever the step and its formula. Those of the stored fields differ from them by what Newton's method leaves, which
+does not add up from step to step, as the next one starts from the moments. The integrals of the sources advance likewise and close
+the balances. See `tumour.fem.kernel` for the equations.
+
+Newton's method keeps its tangent from step to step. The tangent is a function of the point and the step it was made at, which
+therefore belong to the state (`multiphase.stepping.State.memory`): a run that goes on from a stored state makes the same tangent again,
+and so the same iterations, bit for bit.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multiphase.errors import SolverError
+from multiphase.mesh import Mesh
+from multiphase.sparse import open_solver
+from multiphase.stepping import Snapshot, Solved, StepFailure
+from tumour.equations import MOBILITIES
+from tumour.fem import kernel, layout
+from tumour.fem.bodies import fraction
+from tumour.fem.kernel import FIELDS, KERNEL
+from tumour.fem.newton import Newton, Point, Step
+from tumour.fem.observation import Observation
+from tumour.meshes import Body
+from tumour.parameters import TumourInitial, TumourParameters, TumourSolver
+
+Array = NDArray[np.float64]
+
+X, Y, ALPHA, P, OXYGEN = range(FIELDS)
+
+RATE_STEP = 1e-6
+"""Step over which the rate of the volume at t = 0 is taken."""
+
+
+class MiniScheme:
+    """One implicit step of the tumour on a mesh; see `multiphase.stepping.Scheme`.
+
+    Parameters
+    ----------
+    parameters, initial, solver : TumourParameters, TumourInitial, TumourSolver
+    body : tumour.meshes.Body
+    """
+
+    breaks: tuple[float, ...] = ()
+    kinks: tuple[float, ...] = ()
+
+    def __init__(self, parameters: TumourParameters, initial: TumourInitial, body: Body, solver: TumourSolver) -> None:
+        KERNEL.announce()
+        p = parameters
+        self.parameters, self.initial_values, self.body, self.solver, self.rtol = p, initial, body, solver, solver.rtol
+        self.printed = solver.alpha_step == "as-printed"
+        points = np.ascontiguousarray(body.mesh.p.T)
+        self.elements = layout.elements_of(body.mesh)
+        self.mesh = Mesh(points, self.elements.triangles)
+        self.count, self.triangles = len(points), len(self.elements.areas)
+        self.constants = kernel.Data(
+            *p.moduli, *p.contact, *p.kinetics, *p.uptake, p.kappa, MOBILITIES[p.mobility], p.mobility_floor, self.printed
+        )
+        self.prescribed = self._prescribed()
+        rigid = layout.RigidMotions(self.elements, points, self.prescribed[:, :2])
+        held = self.prescribed.copy()
+        held[:, :2] |= rigid.held
+        rows = layout.rows_of(self.elements, held)
+        self.newton = Newton(
+            self.constants, self.elements, points, rows, rigid, open_solver(solver.linear, rows.indptr, rows.indices),
+            tolerance=solver.newton_tolerance, length=body.radius, oxygen=p.C_out or 1.0,
+        )  # fmt: skip
+        self._parts = np.cumsum([FIELDS * self.count, 2 * self.triangles, 2 * self.count, 2, 1])
+        self.observation = Observation(self)
+        self._initial: Array | None = None
+        self._seconds = 0.0
+
+    # -- Data that a study may replace ----------------------------------------------------------------------------------
+
+    def _prescribed(self) -> NDArray[np.bool_]:
+        """The prescribed unknowns of each point: sliding sides, and pressure and oxygen at the surface."""
+        held = np.zeros((self.count, FIELDS), dtype=bool)
+        held[self.body.slide_x, X] = held[self.body.slide_y, Y] = True
+        held[self.body.surface, P] = held[self.body.surface, OXYGEN] = True
+        if self.parameters.kappa == 0.0:
+            held[:, P] = True  # fluid that flows freely is at p_out everywhere
+        if self.parameters.Q == 0.0:
+            held[:, OXYGEN] = True  # oxygen that nobody takes up is C_out everywhere
+        return held
+
+    def boundary(self, t: float) -> Array:
+        """Values of the prescribed unknowns at `t`, (points, 5)."""
+        values = np.zeros((self.count, FIELDS))
+        values[:, P], values[:, OXYGEN] = self.parameters.p_out, self.parameters.C_out
+        return values
+
+    def loads(self, t: float, tau: float) -> tuple[Array, Array]:
+        """What a study adds to the right-hand sides, (points, 5) and (elements, 2); nothing here."""
+        return np.zeros((self.count, FIELDS)), np.zeros((self.triangles, 2))
+
+    # -- The vector -----------------------------------------------------------------------------------------------------
+
+    def point(self, u: Array) -> Point:
+        """The unknowns of the vector `u`, not copied."""
+        a, b = self._parts[:2]
+        return Point(u[:a].reshape(self.count, FIELDS), u[a:b].reshape(self.triangles, 2))
+
+    def rest(self, u: Array) -> tuple[Array, Array, Array]:
+        """Moments (2, points), integrals (2,) and the rate of the volume (1,) of the vector `u`, not copied."""
+        b, c, d, e = self._parts[1:]
+        return u[b:c].reshape(2, self.count), u[c:d], u[d:e]
+
+    def prepare(self) -> None:
+        """Compile, or load, what a run needs; what this costs is not counted."""
+        self.observe(0.0, self.initial())
+        for account in (self.newton, self.newton.linear):
+            account.seconds.update(dict.fromkeys(account.seconds, 0.0))
+            account.counts.update(dict.fromkeys(account.counts, 0))
+
+    def initial(self) -> Array:
+        """The body at rest, let go: equilibrium of the stresses before any fluid has moved, and the oxygen that goes with it."""
+        if self._initial is None:
+            self._initial = self._start()
+        return self._initial.copy()
+
+    def _start(self) -> Array:
+        u = np.zeros(self._parts[-1])
+        point = self.point(u)
+        point.nodal[:] = self.boundary(0.0)
+        point.nodal[:, ALPHA] = fraction(self.initial_values, self.body)
+        self.rest(u)[0][:] = self._moments(point)[:2]
+        self.observation.begin(u)
+        try:
+            u = self.solve(0.0, np.inf, u, u).u
+            after = self.solve(RATE_STEP, 1.0 / RATE_STEP, u, u).u
+        except StepFailure as failure:
+            raise SolverError(
+                f"no equilibrium was found at t = 0 ({failure}). Take an initial alpha nearer to alpha_star, a smaller p_out, or a larger "
+                "lambda_alpha; with kappa = 0 the body takes its equilibrium at once, and a small kappa lets it go there in time.",
+                time=0.0,
+            ) from failure
+        self.rest(u)[2][:] = self.rest(after)[2]
+        self.newton.forget()
+        return u
+
+    def consistent(self, t: float, u: Array) -> Array:
+        """`u`: nothing in the data jumps."""
+        return u.copy()
+
+    def recall(self, memory: Array) -> None:
+        """Hold the tangent again that `memory` tells of."""
+        self.newton.recall(memory)
+
+    # -- One step -------------------------------------------------------------------------------------------------------
+
+    def solve(self, t: float, alpha: float, past: Array, guess: Array) -> Solved:
+        """Newton's method from the predicted vector; see `multiphase.stepping.Scheme`."""
+        tau = 1.0 / alpha
+        moments = self.rest(past)[0]
+        loads, bubble_loads = (array.copy() for array in self.loads(t, tau))
+        loads[:, P] += moments[1]
+        if not self.printed:
+            loads[:, ALPHA] += moments[0]
+        step = Step(tau, loads, bubble_loads, self.point(past))
+        point, iterations = self.newton.solve(step, self._admissible(t, guess, past))
+        return Solved(self._vector(step, past, point), iterations, self.newton.memory)
+
+    def _admissible(self, t: float, guess: Array, past: Array) -> Point:
+        """The predicted point, or the past where that has left where the equations are defined."""
+        values = self.boundary(t)
+        for vector in (guess, past):
+            nodal, bubbles = self.point(vector).nodal.copy(), self.point(vector).bubbles.copy()
+            np.copyto(nodal, values, where=self.prescribed)
+            self.newton.rigid.align(nodal[:, :2], bubbles)
+            alpha = nodal[:, ALPHA]
+            if alpha.min() > 0.0 and alpha.max() < 1.0 and KERNEL["turned_over"](self.elements, nodal, bubbles) < 0:
+                break
+        return Point(nodal, bubbles)
+
+    def _vector(self, step: Step, past: Array, point: Point) -> Array:
+        """The whole vector after a step: its moments are those that the equations give, so that what the iteration leaves of its error does
+        not add up from step to step."""
+        u = np.zeros(self._parts[-1])
+        new = self.point(u)
+        new.nodal[:], new.bubbles[:] = point.nodal, point.bubbles
+        (moments, integrals, rate), (_, integrals_past, rate_past) = self.rest(u), self.rest(past)
+        cells, volume, born, flow = self._moments(point)
+        surface = self.prescribed[:, P]
+        moments[0] = cells if self.printed else step.loads[:, ALPHA] + step.tau * born
+        moments[1] = np.where(surface, volume, step.loads[:, P] - step.tau * flow)
+        gained = float(np.sum((volume - step.loads[:, P] + step.tau * flow)[surface]))
+        integrals[:] = integrals_past + np.array([step.tau * float(np.sum(born)), gained])
+        rate[:] = gained / step.tau if step.tau > 0.0 else rate_past
+        return u
+
+    def _moments(self, point: Point) -> Array:
+        """Moments of alpha J, J, J q_alpha and of the flow, (4, points)."""
+        started = time.perf_counter()
+        sums = np.zeros((4, self.count))
+        KERNEL["moments"](self.constants, self.elements, point.nodal, point.bubbles, sums)
+        self._seconds += time.perf_counter() - started
+        return sums
+
+    def error_norm(self, error: Array, u: Array) -> float:
+        """Root mean squares over the body of the local errors of the displacement, over the body's length now, and of the cell fraction;
+        the larger one, over rtol."""
+        weights = self.observation.weights
+        nodal = self.point(error).nodal
+        length = self.body.radius * np.sqrt(np.sum(self.rest(u)[0][1]) / np.sum(weights))
+        mean = np.sqrt(weights @ (nodal**2) / np.sum(weights))
+        return float(max(np.hypot(mean[X], mean[Y]) / length, mean[ALPHA])) / self.rtol
+
+    def explain(self, u: Array) -> str:
+        """What there is to say of a state that no step leads on from."""
+        from tumour.fem.stability import explain
+
+        return explain(self, u)
+
+    # -- Output ---------------------------------------------------------------------------------------------------------
+
+    def observe(self, t: float, u: Array) -> Snapshot:
+        """What is stored of the vector `u`."""
+        return self.observation.snapshot(t, u)
+
+    def statistics(self) -> dict[str, Any]:
+        """What a run cost: counts, and seconds by what they were spent on."""
+        newton, linear = self.newton, self.newton.linear
+        return {
+            "linear_solver": linear.name, "assemblies": newton.counts["tangent"], "residuals": newton.counts["residual"],
+            "factorisations": linear.counts["factorise"], "linear_solves": linear.counts["solve"],
+            "seconds": {**newton.seconds, **linear.seconds, "observation": self.observation.seconds, "moments": self._seconds},
+        }  # fmt: skip
