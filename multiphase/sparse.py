@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 REAL_UNSYMMETRIC = 11
 ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1
+LEAST_PIVOT = 1e-6
+"""Share of the largest entry of its column that a diagonal pivot of SuperLU has at least; with more, the matrices of steps that are short,
+whose pressures have small diagonals, fill up with pivots from elsewhere."""
 PERTURBATION = 13
 """Pivots below 1e-13 of the matrix are replaced by that, which refinement makes good."""
 
@@ -121,7 +124,9 @@ class SuperLU(_Timed):
         self._factor = None  # its memory first
         self._transposed.data[:] = values
         try:
-            self._factor = splu(self._transposed, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=1e-3, options={"SymmetricMode": True})
+            self._factor = splu(
+                self._transposed, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=LEAST_PIVOT, options={"SymmetricMode": True}
+            )
         except RuntimeError as error:
             raise SingularMatrix(str(error)) from error
         self._done("factorise", started)

@@ -358,7 +358,7 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
             growth = min(factor, 1.0 if attempt else LARGEST_GROWTH)
             # A step shortened to land on a stop says little about the size that the error allows.
             dt_next = max(h * growth, min(dt, LARGEST_GROWTH * h)) if h < 0.999 * dt and growth >= 1.0 else h * growth
-        keep = min(len(state.times), control.order)
+        keep = min(len(state.times), max(control.order, _guess_points(scheme, control) - 1))
         return State(
             times=np.concatenate([[t], state.times[:keep]]),
             u=np.concatenate([solved.u[None, :], state.u[:keep]]),
@@ -394,10 +394,15 @@ def failed_step(state: State, reasons: Sequence[str] | deque[str], why: str = ""
     )
 
 
+def _guess_points(scheme: Scheme, control: Control) -> int:
+    """Points that the first guess of a step is extrapolated from: what the scheme says, else those of the error estimate."""
+    return int(getattr(scheme, "guess_points", control.order + 1))
+
+
 def try_step(scheme: Scheme, state: State, t: float, control: Control) -> Solved:
     """Solve the implicit step to `t`; a floating-point error in it is a StepFailure with its own words."""
     alpha, past = formula(control.order, t, state.times, state.u)
-    points = control.order + 1
+    points = _guess_points(scheme, control)
     guess = predict(t, state.times[:points], state.u[:points])
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what is not finite is refused below

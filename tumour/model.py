@@ -227,6 +227,7 @@ def simulate(
     max_steps: int = 100_000,
     newton_tol: float | None = None,
     linear: str = "auto",
+    assembly: str = "compiled",
     save_at: Sequence[float] | None = None,
     save_every: float | None = None,
     file: str | Path | None = None,
@@ -269,6 +270,8 @@ def simulate(
         Two dimensions: error that Newton's method may leave in a step; a hundredth of rtol unless given.
     linear : {"auto", "pardiso", "superlu"}
         Two dimensions: the solver of linear systems.
+    assembly : {"compiled", "forms"}
+        Two dimensions: the compiled element kernel, or the readable forms that specify it.
     save_at : sequence of float, optional
         Times to store, besides 0 and `t_end`; or `save_every`. 51 times by default.
     file : path, optional
@@ -307,7 +310,7 @@ def simulate(
         initial = initial.within(geometry.radius)
     settings = {
         "method": solver, "cells": cells, "rtol": rtol, "time_scheme": time_scheme, "dt": dt, "alpha_step": alpha_step,
-        "max_steps": max_steps, "newton_tol": newton_tol, "linear": linear,
+        "max_steps": max_steps, "newton_tol": newton_tol, "linear": linear, "assembly": assembly,
     }  # fmt: skip
     scene = make_scene(
         MODEL,

@@ -322,6 +322,9 @@ class TumourSolver:
         hundredth of rtol.
     linear : "auto", "pardiso" or "superlu"
         mini: the solver of linear systems. "auto" takes PARDISO where it is installed (extra `pardiso`), which is faster.
+    assembly : "compiled" or "forms"
+        mini: the compiled element kernel, or the readable scikit-fem forms that specify it, with a tangent by differences: some hundred
+        times slower, for checks and where nothing can be compiled.
     """
 
     method: str = parameter("auto", symbol="-", choices=("auto", "lines", "fipy", "mini"), doc="the method")
@@ -332,9 +335,10 @@ class TumourSolver:
     max_steps: int = parameter(100_000, symbol="-", low=1, doc="the largest number of steps")
     alpha_step: str = parameter("conservative", symbol="-", choices=("conservative", "as-printed"), doc="the step of alpha")
     newton_tol: float | None = parameter(
-        None, symbol="-", kind="number", low=1e-14, high=1e-2, doc="the tolerance newton_tol of Newton's method"
+        None, symbol="-", kind="number", low=1e-12, high=1e-2, doc="the tolerance newton_tol of Newton's method"
     )
     linear: str = parameter("auto", symbol="-", choices=("auto", "pardiso", "superlu"), doc="the solver of linear systems")
+    assembly: str = parameter("compiled", symbol="-", choices=("compiled", "forms"), doc="the way elements are assembled")
 
     table: ClassVar[str] = "solver"
 
@@ -343,6 +347,12 @@ class TumourSolver:
         if self.method in ("fipy", "mini") and self.time_scheme == "radau":
             raise ParameterError(
                 f"{self.table}.time_scheme", '"radau" comes with the method "lines" only; take method = "lines", or time_scheme = "bdf2".'
+            )
+        if self.newton_tol is not None and self.dt is None and self.newton_tol > self.rtol:
+            raise ParameterError(
+                f"{self.table}.newton_tol",
+                f"{self.newton_tol:g} is above rtol = {self.rtol:g}, so that what Newton's method leaves would be taken for the error of "
+                f"the time step; take {0.1 * self.rtol:g} or less.",
             )
         if self.alpha_step == "as-printed" and self.time_scheme not in ("auto", "backward-euler"):
             raise ParameterError(

@@ -47,6 +47,7 @@ def test_contract_names_and_defaults() -> None:
     assert to_table(TumourGeometry()) == {"kind": "disk", "radius": 1.0, "dimension": "auto", "formulation": "lagrangian"}
     assert to_table(TumourSolver()) == {
         "method": "auto", "rtol": 1e-4, "time_scheme": "auto", "max_steps": 100_000, "alpha_step": "conservative", "linear": "auto",
+        "assembly": "compiled",
     }  # fmt: skip
     assert all(specification.source for specification in specifications(TumourParameters).values())
 

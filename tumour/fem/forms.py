@@ -13,7 +13,7 @@ alpha, p and C are linear on each triangle, d is linear plus a bubble ``psi = 27
 are their test functions. All integrals are by the rule of six points that is exact for polynomials of degree 4. With kappa = 0 the fluid
 flows freely, M is left out and the rows of the fluid only measure volume.
 
-This is the specification of the compiled scheme, for reading and for testing, and far slower.
+This is the specification of the compiled scheme, for reading and for testing; `tumour.fem.readable` runs it, far slower.
 """
 
 from __future__ import annotations
@@ -153,12 +153,16 @@ class Forms:
 
     def moments(self, nodal: Array, bubbles: Array) -> Array:
         """Integrals of alpha J and of J with the hats, in the rows (ne, 17) of cells and fluid: what a step takes from its past."""
-        F, alpha, _, _ = self._fields(self._local(nodal, bubbles))
+        F, alpha, _, _ = self.fields(nodal, bubbles)
         J = det(F)
         rows = np.zeros((self.mesh.nelements, LOCAL))
         rows[:, ALPHA] = _tested(moment, self._scalars, density=alpha * J)
         rows[:, PRESSURE] = _tested(moment, self._scalars, density=J)
         return rows
+
+    def fields(self, nodal: Array, bubbles: Array) -> tuple[Array, Any, Any, Any]:
+        """F (2, 2, ne, 6), and alpha, p, C with their gradients, at the points of the rule."""
+        return self._fields(self._local(nodal, bubbles))
 
     def assemble(self, rows: Array) -> tuple[Array, Array]:
         """The rows (ne, 17) of all triangles, added up: those of the vertices (N, 5) and those of the bubbles (ne, 2)."""

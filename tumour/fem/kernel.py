@@ -21,7 +21,7 @@ are kept, and the bubble's change follows from that of the others. An iteration 
 from __future__ import annotations
 
 import sys
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -30,77 +30,8 @@ from multiphase import transport
 from multiphase.lines import Kernel
 from tumour import equations, laws
 from tumour import laws as law
-
-Array = Any
-
-FIELDS = 5
-"""Unknowns of a point: d_x, d_y, alpha, p, C."""
-OUTER, LOCAL = 15, 17
-"""Unknowns of a triangle without and with its bubble."""
-KEPT = 4 + 2 * OUTER + 2 * OUTER
-"""Numbers kept of each bubble: K_bb^-1, K_bb^-1 K_bX, K_Xb K_bb^-1."""
-ROWS = 11
-"""Rows of a point's response: what stands next to v_x,X  v_x,Y  v_y,X  v_y,Y (4), phi of the cells, phi and grad phi of the fluid, phi
-and grad phi of the oxygen."""
-
-
-class Data(NamedTuple):
-    """What the kernel needs of one scene."""
-
-    mu: float
-    lam: float
-    gamma: float
-    alpha_star: float
-    alpha_min: float
-    sigma_width: float
-    s1: float
-    s2: float
-    s3: float
-    s4: float
-    Q: float
-    Q1_hat: float
-    kappa: float
-    law: int
-    floor: float
-    printed: bool
-
-
-class Pattern(NamedTuple):
-    """Where the entries of the matrix are: compressed rows over the unknowns that are not prescribed.
-
-    Attributes
-    ----------
-    start : (points, 5) array of int
-        Where the row of an unknown begins among the values; -1 for a prescribed one.
-    pairs : (elements, 9) array of int
-        Where in the rows of its point a the columns of the point b begin, at 3 a + b.
-    rank : (points, 5) array of int
-        Place of an unknown among those of its point that are not prescribed; -1 for a prescribed one.
-    """
-
-    start: Array
-    pairs: Array
-    rank: Array
-
-
-class Elements(NamedTuple):
-    """The triangles and the quadrature rule.
-
-    Attributes
-    ----------
-    triangles : (elements, 3) array of int
-    gradients : (elements, 3, 2) array
-        Gradients of the linear shape functions.
-    areas : (elements,) array
-    points, weights : (6, 3), (6,) arrays
-        Barycentric coordinates, and weights that add up to one.
-    """
-
-    triangles: Array
-    gradients: Array
-    areas: Array
-    points: Array
-    weights: Array
+from tumour.fem import arrays
+from tumour.fem.arrays import FIELDS, LOCAL, OUTER, ROWS, Data, Elements, Pattern
 
 
 @njit(error_model="numpy")
@@ -547,5 +478,5 @@ def share_below(level: float, a: float, b: float, c: float) -> float:
     return 1.0 - (c - level) * (c - level) / ((c - b) * (c - a))
 
 
-KERNEL = Kernel(sys.modules[__name__], parts=(laws, equations, transport))
+KERNEL = Kernel(sys.modules[__name__], parts=(arrays, laws, equations, transport))
 """The functions above, compiled and kept on disk."""

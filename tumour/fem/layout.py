@@ -12,7 +12,7 @@ from skfem import MeshTri
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
-from tumour.fem.kernel import FIELDS, Elements, Pattern
+from tumour.fem.arrays import FIELDS, Elements, Pattern
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

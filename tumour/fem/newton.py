@@ -9,15 +9,16 @@ of (0, 1) is shortened, and so is one after which the next, with the same tangen
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multiphase.sparse import SingularMatrix, SparseSolver
 from multiphase.stepping import StepFailure
-from tumour.fem import kernel
-from tumour.fem.kernel import FIELDS, KERNEL, Data, Elements
+from tumour.fem.arrays import FIELDS, KEPT, Data, Elements
 from tumour.fem.layout import RigidMotions, Rows
 
 Array = NDArray[np.float64]
@@ -72,7 +73,9 @@ class Newton:
 
     Parameters
     ----------
-    constants, elements, rows, rigid
+    kernel : mapping of str to function
+        `tumour.fem.kernel.KERNEL`, or `tumour.fem.readable.Readable`.
+    constants, elements, points, rows, rigid
         What is solved.
     linear : SparseSolver
         For the pattern of `rows`.
@@ -82,15 +85,15 @@ class Newton:
     """
 
     def __init__(
-        self, constants: Data, elements: Elements, points: Array, rows: Rows, rigid: RigidMotions, linear: SparseSolver, *,
+        self, kernel: Any, constants: Data, elements: Elements, points: Array, rows: Rows, rigid: RigidMotions, linear: SparseSolver, *,
         tolerance: float, length: float, oxygen: float,
     ) -> None:  # fmt: skip
-        self.constants, self.elements, self.points, self.rows, self.rigid, self.linear = constants, elements, points, rows, rigid, linear
+        self.kernel, self.constants, self.elements, self.points = kernel, constants, elements, points
+        self.rows, self.rigid, self.linear = rows, rigid, linear
         self.tolerance, self.length, self.oxygen = tolerance, length, oxygen
         self._residual, self._bubbles = np.zeros((len(points), FIELDS)), np.zeros((len(elements.areas), 2))
-        self._values, self._kept = np.zeros(len(rows.indices)), np.zeros((len(elements.areas), kernel.KEPT))
-        self._made_at = np.zeros(0)
-        self._contraction = 1.0
+        self._values, self._kept = np.zeros(len(rows.indices)), np.zeros((len(elements.areas), KEPT))
+        self.forget()
         self.seconds = {"residual": 0.0, "tangent": 0.0}
         self.counts = {"residual": 0, "tangent": 0}
 
@@ -99,7 +102,8 @@ class Newton:
     @property
     def memory(self) -> Array:
         """What the tangent that is held was made of; empty without one."""
-        return np.concatenate([[self._contraction], self._made_at]) if self._made_at.size else np.zeros(0)
+        kept = [self._contraction, self._excess, self._usual]
+        return np.concatenate([kept, self._made_at]) if self._made_at.size else np.zeros(0)
 
     def recall(self, memory: Array) -> None:
         """Hold the tangent again that was made of `memory`."""
@@ -107,22 +111,23 @@ class Newton:
         if not memory.size:
             return
         count, triangles = self._residual.size, self._bubbles.size
-        tau, nodal, bubbles, old, old_bubbles = np.split(memory[1:], np.cumsum([1, count, triangles, count]))
+        tau, nodal, bubbles, old, old_bubbles = np.split(memory[3:], np.cumsum([1, count, triangles, count]))
         if not old.size:
             old, old_bubbles = nodal, bubbles
         nothing = np.zeros_like(self._residual), np.zeros_like(self._bubbles)
         point, last = (Point(a.reshape(-1, FIELDS), b.reshape(-1, 2)) for a, b in ((nodal, bubbles), (old, old_bubbles)))
         self.make(Step(float(tau[0]), *nothing, last), point)
-        self._contraction = float(memory[0])
+        self._contraction, self._excess, self._usual = memory[:3].tolist()
 
     def forget(self) -> None:
         """Hold no tangent."""
-        self._made_at, self._contraction = np.zeros(0), 1.0
+        self._made_at = np.zeros(0)
+        self._contraction, self._excess, self._usual = 1.0, 0.0, 0.0
 
     def _evaluate(self, step: Step, at: Point) -> int:
         """The residual with the tangent that is held; -1, or the first element that is turned inside out."""
         started = time.perf_counter()
-        code = KERNEL["residual"](
+        code = self.kernel["residual"](
             self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads, step.bubble_loads,
             self._kept, self._residual, self._bubbles,
         )  # fmt: skip
@@ -134,7 +139,7 @@ class Newton:
         """The residual, with a new tangent, factorised; -1, or the first element that is turned inside out."""
         started = time.perf_counter()
         self.forget()
-        code = KERNEL["tangent"](
+        code = self.kernel["tangent"](
             self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads, step.bubble_loads,
             self.rows.pattern, self._values, self._kept, self._residual, self._bubbles,
         )  # fmt: skip
@@ -155,27 +160,34 @@ class Newton:
         nodal.ravel()[self.rows.free] = self.linear.solve(self._residual.ravel()[self.rows.free])
         np.negative(nodal, out=nodal)
         bubbles = np.empty_like(self._bubbles)
-        KERNEL["bubble_changes"](self.elements, self._kept, self._bubbles, nodal, bubbles)
+        self.kernel["bubble_changes"](self.elements, self._kept, self._bubbles, nodal, bubbles)
         return Point(nodal, bubbles)
 
     # -- The iteration --------------------------------------------------------------------------------------------------
 
-    def solve(self, step: Step, point: Point) -> tuple[Point, int]:
+    def solve(self, step: Step, point: Point, otherwise: Callable[[], Point]) -> tuple[Point, int]:
         """Iterate from `point`, at least once; the solution and the number of changes made.
 
-        First with changes as they come, and where that fails with changes that are shortened until the next one, with the same tangent,
-        is smaller.
+        First with changes as they come, and where that fails from the point that `otherwise` gives, with changes that are shortened until
+        the next one, with the same tangent, is smaller.
 
         Raises
         ------
         StepFailure
             With the reason, and where in the body.
         """
+        if self._excess >= WORTH:
+            self.forget()
+        tangents = self.counts["tangent"]
         try:
-            return self._iterate(step, point, damped=False)
+            point, iterations = self._iterate(step, point, damped=False)
         except StepFailure:
             self.forget()
-            return self._iterate(step, point, damped=True)
+            point, iterations = self._iterate(step, otherwise(), damped=True)
+        if self.counts["tangent"] > tangents or not self._usual:
+            self._usual = float(iterations)
+        self._excess += max(0.0, iterations - self._usual)
+        return point, iterations
 
     def _iterate(self, step: Step, point: Point, *, damped: bool) -> tuple[Point, int]:
         """Newton's method from `point`; see `solve`."""
@@ -220,7 +232,7 @@ class Newton:
             point = self._moved(previous, change, share)
             iterations += 1
             if share == 1.0 and self._left(theta, size, 0.5 if stale else max(self._contraction, other)) <= self.tolerance:
-                turned = int(KERNEL["turned_over"](self.elements, point.nodal, point.bubbles))
+                turned = int(self.kernel["turned_over"](self.elements, point.nodal, point.bubbles))
                 if turned < 0:
                     if np.isnan(theta):
                         self._contraction = min(1.0, AGEING * max(self._contraction, LEAST_CONTRACTION))

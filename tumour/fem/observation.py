@@ -12,7 +12,6 @@ from scipy.sparse.linalg import cg
 
 from multiphase.stepping import Snapshot
 from tumour.fem import layout
-from tumour.fem.kernel import KERNEL
 
 if TYPE_CHECKING:
     from tumour.fem.scheme import MiniScheme
@@ -62,7 +61,7 @@ class Observation:
         scheme = self._scheme
         point, (_, integrals, rate) = scheme.point(u), scheme.rest(u)
         sums, areas = np.zeros((3, scheme.count)), np.zeros(2)
-        KERNEL["observe"](scheme.constants, scheme.elements, point.nodal, point.bubbles, self._levels, sums, areas)
+        scheme.kernel["observe"](scheme.constants, scheme.elements, point.nodal, point.bubbles, self._levels, sums, areas)
         cells_0, area_0 = self._start
         cells, area = float(np.sum(sums[2])), float(np.sum(sums[0]))
         growth = float(rate[0])

@@ -27,9 +27,9 @@ from multiphase.mesh import Mesh
 from multiphase.sparse import open_solver
 from multiphase.stepping import Snapshot, Solved, StepFailure
 from tumour.equations import MOBILITIES
-from tumour.fem import kernel, layout
+from tumour.fem import layout
+from tumour.fem.arrays import FIELDS, Data
 from tumour.fem.bodies import fraction
-from tumour.fem.kernel import FIELDS, KERNEL
 from tumour.fem.newton import Newton, Point, Step
 from tumour.fem.observation import Observation
 from tumour.meshes import Body
@@ -54,9 +54,10 @@ class MiniScheme:
 
     breaks: tuple[float, ...] = ()
     kinks: tuple[float, ...] = ()
+    guess_points = 4
+    """Points that the first guess of a step is extrapolated from."""
 
     def __init__(self, parameters: TumourParameters, initial: TumourInitial, body: Body, solver: TumourSolver) -> None:
-        KERNEL.announce()
         p = parameters
         self.parameters, self.initial_values, self.body, self.solver, self.rtol = p, initial, body, solver, solver.rtol
         self.printed = solver.alpha_step == "as-printed"
@@ -64,22 +65,34 @@ class MiniScheme:
         self.elements = layout.elements_of(body.mesh)
         self.mesh = Mesh(points, self.elements.triangles)
         self.count, self.triangles = len(points), len(self.elements.areas)
-        self.constants = kernel.Data(
+        self.constants = Data(
             *p.moduli, *p.contact, *p.kinetics, *p.uptake, p.kappa, MOBILITIES[p.mobility], p.mobility_floor, self.printed
         )
+        self.kernel = self._kernel()
         self.prescribed = self._prescribed()
         rigid = layout.RigidMotions(self.elements, points, self.prescribed[:, :2])
         held = self.prescribed.copy()
         held[:, :2] |= rigid.held
         rows = layout.rows_of(self.elements, held)
         self.newton = Newton(
-            self.constants, self.elements, points, rows, rigid, open_solver(solver.linear, rows.indptr, rows.indices),
+            self.kernel, self.constants, self.elements, points, rows, rigid, open_solver(solver.linear, rows.indptr, rows.indices),
             tolerance=solver.newton_tolerance, length=body.radius, oxygen=p.C_out or 1.0,
         )  # fmt: skip
         self._parts = np.cumsum([FIELDS * self.count, 2 * self.triangles, 2 * self.count, 2, 1])
         self.observation = Observation(self)
         self._initial: Array | None = None
         self._seconds = 0.0
+
+    def _kernel(self) -> Any:
+        """The functions that sum over the elements: compiled, or those of the specification."""
+        if self.solver.assembly == "forms":
+            from tumour.fem.readable import Readable
+
+            return Readable(self.body.mesh, self.parameters)
+        from tumour.fem.kernel import KERNEL
+
+        KERNEL.announce()
+        return KERNEL
 
     # -- Data that a study may replace ----------------------------------------------------------------------------------
 
@@ -168,7 +181,7 @@ class MiniScheme:
         if not self.printed:
             loads[:, ALPHA] += moments[0]
         step = Step(tau, loads, bubble_loads, self.point(past))
-        point, iterations = self.newton.solve(step, self._admissible(t, guess, past))
+        point, iterations = self.newton.solve(step, self._admissible(t, guess, past), lambda: self._admissible(t, past, past))
         return Solved(self._vector(step, past, point), iterations, self.newton.memory)
 
     def _admissible(self, t: float, guess: Array, past: Array) -> Point:
@@ -179,7 +192,7 @@ class MiniScheme:
             np.copyto(nodal, values, where=self.prescribed)
             self.newton.rigid.align(nodal[:, :2], bubbles)
             alpha = nodal[:, ALPHA]
-            if alpha.min() > 0.0 and alpha.max() < 1.0 and KERNEL["turned_over"](self.elements, nodal, bubbles) < 0:
+            if alpha.min() > 0.0 and alpha.max() < 1.0 and self.kernel["turned_over"](self.elements, nodal, bubbles) < 0:
                 break
         return Point(nodal, bubbles)
 
@@ -203,7 +216,7 @@ class MiniScheme:
         """Moments of alpha J, J, J q_alpha and of the flow, (4, points)."""
         started = time.perf_counter()
         sums = np.zeros((4, self.count))
-        KERNEL["moments"](self.constants, self.elements, point.nodal, point.bubbles, sums)
+        self.kernel["moments"](self.constants, self.elements, point.nodal, point.bubbles, sums)
         self._seconds += time.perf_counter() - started
         return sums
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from multiphase.stepping import StepFailure
-from tumour.fem.kernel import FIELDS
+from tumour.fem.arrays import FIELDS
 from tumour.fem.newton import Step
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""The shipped gliomas on coarse meshes: what the comments of their scenes say, and the loss of stability where nothing bounds the volume."""
+"""The shipped gliomas on coarse meshes: what the comments of their scenes say, and the loss of stability without lambda_alpha."""
 
 from __future__ import annotations
 
