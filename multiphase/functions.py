@@ -225,6 +225,11 @@ class PositionFunction:
         return self._values if self._number is None else np.array([self._number])
 
     @property
+    def is_sampled(self) -> bool:
+        """Whether the function was a Python function."""
+        return self._callable is not None
+
+    @property
     def extent(self) -> tuple[float, float] | None:
         """First and last position of a table or file; None for a number, an expression or a callable."""
         if self._number is not None or self._expression is not None or self._callable is not None:

@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 LARGEST_GROWTH = 2.0
 SMALLEST_SHRINK = 0.2
 SAFETY = 0.85
+ASKED, SHORT = 12, 1e-6
+"""Attempts at one step, and the share of the time reached that it is shorter than, at which a scheme that cannot solve it is asked for
+what is wrong; if it knows, the run ends."""
 COUNTERS = ("steps", "rejected_error", "rejected_solver", "iterations")
 
 
@@ -330,7 +333,7 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
     """One accepted step towards `stop`, tried again with a smaller size until it succeeds."""
     reasons: deque[str] = deque(maxlen=12)
     counters = dict(state.counters)
-    dt = state.dt
+    dt, why = state.dt, ""
     steps_left(state, control)
     for attempt in range(control.attempts):
         t = landing(state.t, dt, stop)
@@ -343,6 +346,9 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
             counters["rejected_solver"] += 1
             reasons.append(f"dt = {h:.3g}: {failure}")
             dt = 0.5 * h
+            is_short = h < SHORT * max(abs(state.t), abs(stop))
+            if (is_short or attempt == ASKED) and (why := _explanation(scheme, state)):
+                break
             continue
         counters["iterations"] += solved.iterations
         factor, error = _next_factor(scheme, state, t, solved, control)
@@ -366,8 +372,12 @@ def advance(scheme: Scheme, state: State, stop: float, control: Control) -> Stat
             counters=counters,
             memory=state.memory if solved.memory is None else solved.memory,
         )
-    why = scheme.explain(state.u[0]) if hasattr(scheme, "explain") else ""
-    raise failed_step(replace(state, dt=dt), reasons, why)
+    raise failed_step(replace(state, dt=dt), reasons, why or _explanation(scheme, state))
+
+
+def _explanation(scheme: Scheme, state: State) -> str:
+    """What the scheme has to say of a state that no step leads on from; empty if nothing."""
+    return str(scheme.explain(state.u[0])) if hasattr(scheme, "explain") else ""
 
 
 def steps_left(state: State, control: Control) -> int:

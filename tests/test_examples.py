@@ -27,9 +27,10 @@ def test_every_example_is_short_and_tested():
     found = {path.stem: len(path.read_text(encoding="utf-8").splitlines()) for path in EXAMPLES.glob("*.py")}
     assert set(found) == {
         "first_plaque", "drag_or_interfacial", "hdl_removes_modldl", "mouse_and_human", "stability_of_the_plaque", "plaque_in_a_vessel",
-        "first_tumour", "tumour_switches",
+        "first_tumour", "tumour_switches", "quarter_disk_2d", "glioma",
     }  # fmt: skip
     assert max(found["first_plaque"], found["first_tumour"]) <= 30
+    assert max(found["quarter_disk_2d"], found["glioma"] - 20) <= 40
     assert max(found.values()) <= 120
 
 
@@ -121,3 +122,32 @@ def test_tumour_switches(capsys):
     assert euler.defect < 1e-11 < 1e-4 < printed.defect
     assert f"cells off by {printed.defect:.1e}" in said
     assert len(Path("tumour_switches.csv").read_text(encoding="utf-8").splitlines()) == len(rows) + 1
+
+
+def test_quarter_disk_2d(capsys):
+    plane, radial = _load("quarter_disk_2d").main(cells=8, t_end=20.0)
+    assert radial == pytest.approx(2.2201, abs=1e-4)
+    assert plane == pytest.approx(radial, rel=1e-3)  # 4e-4: half of it of 8 rings, half of rtol
+    said = capsys.readouterr().out
+    assert f"  20 {plane:14.4f} {radial:8.4f} " in said
+    assert "128 triangles" in said
+    assert Path("quarter_disk_2d.png").stat().st_size > 10_000
+
+
+def test_glioma(capsys):
+    results = _load("glioma").main(cells=4)
+    soft, stiff = results[0.0], results[1.0]
+    assert (soft.status, stiff.status) == ("failed", "completed")
+    assert 40.0 < soft.t[-1] < 80.0  # as in tests/tumour/fem/test_glioma.py
+    said = capsys.readouterr().out
+    assert "lambda_alpha = 0: failed, " in said
+    assert "has lost its stability" in said
+    assert f"{len(soft.t)} rows are stored, to t = {soft.t[-1]:g}" in said
+    assert "lambda_alpha = 1: completed, " in said
+    assert stiff.t[-1] == 100.0
+    assert stiff["area"][-1] == pytest.approx(8.624, rel=5e-3)  # of 20 triangles to the radius
+    assert said.count("times the median") == 2
+    for result in (soft, stiff):
+        stress = result["stress_magnitude"][-1]
+        assert stress.max() > 4.0 * np.median(stress)
+    assert Path("glioma.png").stat().st_size > 10_000

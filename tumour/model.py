@@ -106,6 +106,17 @@ def _check(scene: Scene) -> None:
         )
 
 
+def _trackers(scene: Scene) -> tuple[Tracker, ...]:
+    """A watch on the shape of a body in two dimensions."""
+    if not scene.geometry.plane:
+        return ()
+    from tumour.fem.bodies import body_of
+    from tumour.fem.watch import Shape
+
+    uniform = not scene.initial.alpha.names & {"x", "y", "theta"}
+    return (Shape(body_of(scene.geometry, scene.solver.cells), is_uniform=uniform),)
+
+
 def _scheme(scene: Scene, plan: Plan) -> Any:
     solver, geometry = scene.solver, scene.geometry
     method, time_scheme = solver.resolved
@@ -204,6 +215,7 @@ MODEL = Model(
     check=_check,
     plan=plan_of,
     scheme=_scheme,
+    trackers=_trackers,
     summary=_summary,
     ends=("centre", "surface"),
     ring=_ring,

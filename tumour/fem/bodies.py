@@ -68,7 +68,18 @@ def _points(file: str) -> np.ndarray:
 
 
 def check_fraction(initial: TumourInitial, body: Body) -> None:
-    """Refuse a cell fraction that is not between 0 and 1 somewhere in the body."""
+    """Refuse a cell fraction that is not between 0 and 1 somewhere in the body, or not given everywhere in it."""
+    reach = float(np.max(np.hypot(*body.mesh.p)))
+    extent = initial.alpha.extent
+    if initial.alpha.is_sampled and not body.is_round:
+        raise ParameterError(
+            "initial.alpha", "a Python function is sampled along the radius of a disk, and this body is none; give a formula in x, y or r."
+        )
+    if extent is not None and (extent[0] > 0.0 or extent[1] < reach * (1.0 - 1e-9)):
+        raise ParameterError(
+            "initial.alpha",
+            f"its positions r go from {extent[0]:g} to {extent[1]:g}, but the body's from 0 to {reach:.6g}; give it for all of them.",
+        )
     alpha = fraction(initial, body)
     if np.any((alpha <= 0.0) | (alpha >= 1.0)):
         i = int(np.argmax(np.abs(alpha - 0.5)))

@@ -26,6 +26,7 @@ from multiphase.errors import SolverError
 from multiphase.mesh import Mesh
 from multiphase.sparse import open_solver
 from multiphase.stepping import Snapshot, Solved, StepFailure
+from tumour import equations as eq
 from tumour.equations import MOBILITIES
 from tumour.fem import layout
 from tumour.fem.arrays import FIELDS, Data
@@ -38,9 +39,6 @@ from tumour.parameters import TumourInitial, TumourParameters, TumourSolver
 Array = NDArray[np.float64]
 
 X, Y, ALPHA, P, OXYGEN = range(FIELDS)
-
-RATE_STEP = 1e-6
-"""Step over which the rate of the volume at t = 0 is taken."""
 
 
 class MiniScheme:
@@ -143,22 +141,24 @@ class MiniScheme:
         return self._initial.copy()
 
     def _start(self) -> Array:
+        p = self.parameters
         u = np.zeros(self._parts[-1])
         point = self.point(u)
         point.nodal[:] = self.boundary(0.0)
         point.nodal[:, ALPHA] = fraction(self.initial_values, self.body)
         self.rest(u)[0][:] = self._moments(point)[:2]
         self.observation.begin(u)
+        point.nodal[:, P] = np.where(self.prescribed[:, P], point.nodal[:, P], -eq.contact_pressure(point.nodal[:, ALPHA], *p.contact))
         try:
             u = self.solve(0.0, np.inf, u, u).u
-            after = self.solve(RATE_STEP, 1.0 / RATE_STEP, u, u).u
         except StepFailure as failure:
             raise SolverError(
                 f"no equilibrium was found at t = 0 ({failure}). Take an initial alpha nearer to alpha_star, a smaller p_out, or a larger "
                 "lambda_alpha; with kappa = 0 the body takes its equilibrium at once, and a small kappa lets it go there in time.",
                 time=0.0,
             ) from failure
-        self.rest(u)[2][:] = self.rest(after)[2]
+        # What flows in from the surface; the points on it, whose own volume changes with the motion, are left out.
+        self.rest(u)[2][:] = np.sum(self._moments(self.point(u))[3][self.prescribed[:, P]])
         self.newton.forget()
         return u
 

@@ -63,7 +63,7 @@ def _read(path: Path) -> Any:
     try:
         import meshio
     except ImportError:
-        raise ParameterError(PATH, "reading a Gmsh file needs meshio; install it with: pip install multiphase-tissue[mesh]") from None
+        raise ParameterError(PATH, 'reading a Gmsh file needs meshio; install it with: pip install "multiphase-tissue[mesh]"') from None
     if not path.is_file():
         raise ParameterError(PATH, f"there is no file {path}.")
     try:
