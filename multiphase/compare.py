@@ -194,7 +194,7 @@ def compare(a: Result, b: Result) -> Comparison:
         )
     times = a.t[rows_a]
     differences = [_scalar(name, times, a.scalars[name][rows_a], b.scalars[name][rows_b]) for name in a.scalars if name in b.scalars]
-    meshes = _Meshes(a, b) if a.mesh is not None or b.mesh is not None else None
+    meshes = OnOneMesh(a, b) if a.mesh is not None or b.mesh is not None else None
     positions = _Positions(a, b, rows_a, rows_b)
     for name in a.fields:
         if name not in b.fields:
@@ -221,7 +221,7 @@ def compare(a: Result, b: Result) -> Comparison:
     )
 
 
-def _compared_at(meshes: _Meshes | None, positions: _Positions) -> int | None:
+def _compared_at(meshes: OnOneMesh | None, positions: _Positions) -> int | None:
     if meshes is not None:
         return None if meshes.nodes is None else len(meshes.nodes.points)
     return None if positions.xi is None else positions.xi.shape[1]
@@ -322,7 +322,7 @@ class _Positions:
         return a, b
 
 
-class _Meshes:
+class OnOneMesh:
     """Brings fields of `b` to the nodes of `a`; without `nodes` they cannot be compared, and `note` says why."""
 
     def __init__(self, a: Result, b: Result) -> None:

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from multiphase.compare import OnOneMesh
 from multiphase.errors import ParameterError
 from multiphase.result import Array, Result
 
@@ -97,7 +98,7 @@ def cell_averages(values: Array, cells: int) -> Array:
 
 
 def errors_between(a: Result, b: Result, names: Sequence[str]) -> dict[str, float]:
-    """Relative differences of `a` from `b`, by name: fields after t = 0 in the mean over cells, scalars, each at the worst time."""
+    """Relative differences of `a` from `b`, by name: fields after t = 0 in the mean over the body, scalars, each at the worst time."""
     found = {}
     for name in names:
         mine, other = np.asarray(a[name], dtype=float), np.asarray(b[name], dtype=float)
@@ -108,13 +109,32 @@ def errors_between(a: Result, b: Result, names: Sequence[str]) -> dict[str, floa
 
 
 def _field_distance(name: str, a: Result, b: Result) -> Array:
-    """Mean over the coarser cells of the difference of cell averages, at each time."""
+    """At each time the mean over the coarser cells of the difference of cell averages; on meshes over the body at rest."""
+    if a.mesh is not None and b.mesh is not None:
+        return _distance_on_meshes(name, *sorted((a, b), key=lambda result: -len(result.mesh.points)))  # type: ignore[union-attr]
     first, second = equal_cells(name, a), equal_cells(name, b)
     cells = min(first.shape[1], second.shape[1])
     places = [cell_averages(r.x / width[:, None], cells) for r in (a, b) if r.x is not None and (width := r.width()) is not None]
     if np.max(np.abs(places[0] - places[1])) > SAME_SHARE / cells:
         raise ParameterError(name, "the cells of these runs divide the body in different ways, so that their values cannot be compared.")
     return np.asarray(np.mean(np.abs(cell_averages(first, cells) - cell_averages(second, cells)), axis=1))
+
+
+def _distance_on_meshes(name: str, fine: Result, coarse: Result) -> Array:
+    """Mean over the body at rest of the difference, the coarser field being interpolated linearly to the finer mesh."""
+    both = OnOneMesh(fine, coarse)
+    if both.nodes is None:
+        raise ParameterError(name, both.note)
+    weights = both.nodes.point_areas()
+    return np.asarray(np.abs(fine[name] - both.to_a(coarse[name])) @ (weights / weights.sum()))
+
+
+def check_field(name: str, result: Result) -> None:
+    """Refuse a field whose error a study cannot measure."""
+    if result.mesh is None:
+        equal_cells(name, result)
+    elif result[name].ndim != 2:
+        raise ParameterError(name, "this field is one of vectors, and a study measures errors of numbers only.")
 
 
 def equal_cells(name: str, result: Result) -> Array:
@@ -124,7 +144,7 @@ def equal_cells(name: str, result: Result) -> Array:
     if values.ndim == 2 and result.x is not None and result.x.shape == values.shape and np.all(np.diff(result.x, axis=1) > 0.0):
         return values
     raise ParameterError(
-        name, "this field does not stand on the cells of a one-dimensional body, and a study measures errors on those only."
+        name, "this field stands neither on the cells of a one-dimensional body nor on a mesh, and a study measures errors on those only."
     )
 
 

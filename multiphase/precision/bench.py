@@ -11,7 +11,7 @@ import numpy as np
 
 from multiphase.errors import ParameterError, SolverError
 from multiphase.parameters import specifications
-from multiphase.precision.accuracy import equal_cells
+from multiphase.precision.accuracy import check_field
 from multiphase.precision.options import Choices
 from multiphase.result import Result
 from multiphase.run import run
@@ -157,7 +157,7 @@ class Bench:
         self.progress(f"{method}: warm-up")
         found = self.attempt(method, cells, rtol, limit)
         if found.result is not None:
-            equal_cells(self.scene.model.film, found.result)
+            check_field(self.scene.model.film, found.result)
         if found.status == "stopped":
             self.costs[method].hopeless = True
             self.notes.append(f"{method}: the first run had not ended after {limit:.3g} s, so this method was left out")

@@ -141,8 +141,9 @@ def _warnings_once() -> Iterator[None]:
 
 
 def _compared(scene: Scene) -> tuple[str, ...]:
-    """The main field, and the scalars of the first scalar panel."""
-    scalars = next((panel.names for panel in scene.model.panels if panel.kind == "scalar"), ())
+    """The main field, and the scalars of the first scalar panel that is for this scene."""
+    other = "line" if getattr(scene.geometry, "plane", False) else "triangles"
+    scalars = next((panel.names for panel in scene.model.panels if panel.kind == "scalar" and panel.grid != other), ())
     return scene.model.film, *scalars
 
 

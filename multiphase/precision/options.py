@@ -11,6 +11,8 @@ from multiphase.parameters import float_or_refuse, nearest, specifications
 from multiphase.scene import Scene
 
 CELLS = (25, 50, 100, 200)
+PLANE_CELLS = (5, 10, 20, 40)
+"""The same for bodies in two dimensions."""
 RTOLS = (1e-3, 1e-4, 1e-5)
 
 
@@ -38,16 +40,30 @@ def choices(
         if key not in known:
             raise ParameterError(f"solver.{key}", f"the model {scene.model.name} has no such key, so a study cannot vary it.")
     every = tuple(choice for choice in known["method"].choices if choice != "auto")
-    chosen = every if methods is None else tuple(dict.fromkeys(methods))
+    chosen = _usable(scene, every) if methods is None else tuple(dict.fromkeys(methods))
     for name in chosen:
         if name not in every:
             text = f'the model {scene.model.name} has no method "{name}"{nearest(str(name), every)} It has {", ".join(every)}.'
             raise ParameterError("methods", text)
-    counts = sorted({int(value) for value in _allowed(scene, "cells", CELLS if cells is None else cells, "cells")})
+    usual = PLANE_CELLS if getattr(scene.geometry, "plane", False) else CELLS
+    counts = sorted({int(value) for value in _allowed(scene, "cells", usual if cells is None else cells, "cells")})
     tolerances = sorted(set(_allowed(scene, "rtol", RTOLS if rtols is None else rtols, "rtols")), reverse=True)
     if not chosen or not counts or not tolerances:
         raise ParameterError("", "there is nothing to run: give at least one method, one number of cells and one rtol.")
     return Choices(methods=chosen, cells=tuple(counts), rtols=tuple(tolerances))
+
+
+def _usable(scene: Scene, methods: Sequence[str]) -> tuple[str, ...]:
+    """The methods that the model has for this scene; all where it has none of them."""
+
+    def is_usable(method: str) -> bool:
+        try:
+            scene.with_changes(solver={"method": method})
+        except ParameterError as error:
+            return error.path != "solver.method"
+        return True
+
+    return tuple(filter(is_usable, methods)) or tuple(methods)
 
 
 def _allowed(scene: Scene, key: str, values: Sequence[float], path: str) -> list[float]:

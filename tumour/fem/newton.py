@@ -94,7 +94,7 @@ class Newton:
         self._residual, self._bubbles = np.zeros((len(points), FIELDS)), np.zeros((len(elements.areas), 2))
         self._values, self._kept = np.zeros(len(rows.indices)), np.zeros((len(elements.areas), KEPT))
         self.forget()
-        self.seconds = {"residual": 0.0, "tangent": 0.0}
+        self.seconds = {"residual": 0.0, "tangent": 0.0, "moments": 0.0}
         self.counts = {"residual": 0, "tangent": 0}
 
     # -- The tangent that is held ---------------------------------------------------------------------------------------
@@ -124,27 +124,33 @@ class Newton:
         self._made_at = np.zeros(0)
         self._contraction, self._excess, self._usual = 1.0, 0.0, 0.0
 
+    def over_elements(self, name: str, *arguments: Any, account: str = "residual") -> Any:
+        """What a function of the kernel gives for the elements; its time goes to an account."""
+        started = time.perf_counter()
+        found = self.kernel[name](*arguments)
+        self.seconds[account] += time.perf_counter() - started
+        return found
+
+    def turned_over(self, at: Point) -> int:
+        """-1, or the first element that is turned inside out."""
+        return int(self.over_elements("turned_over", self.elements, at.nodal, at.bubbles))
+
     def _evaluate(self, step: Step, at: Point) -> int:
         """The residual with the tangent that is held; -1, or the first element that is turned inside out."""
-        started = time.perf_counter()
-        code = self.kernel["residual"](
-            self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads, step.bubble_loads,
-            self._kept, self._residual, self._bubbles,
-        )  # fmt: skip
-        self.seconds["residual"] += time.perf_counter() - started
         self.counts["residual"] += 1
-        return int(code)
+        return int(self.over_elements(
+            "residual", self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads,
+            step.bubble_loads, self._kept, self._residual, self._bubbles,
+        ))  # fmt: skip
 
     def make(self, step: Step, at: Point) -> int:
         """The residual, with a new tangent, factorised; -1, or the first element that is turned inside out."""
-        started = time.perf_counter()
         self.forget()
-        code = self.kernel["tangent"](
-            self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads, step.bubble_loads,
-            self.rows.pattern, self._values, self._kept, self._residual, self._bubbles,
-        )  # fmt: skip
-        self.seconds["tangent"] += time.perf_counter() - started
         self.counts["tangent"] += 1
+        code = self.over_elements(
+            "tangent", self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads,
+            step.bubble_loads, self.rows.pattern, self._values, self._kept, self._residual, self._bubbles, account="tangent",
+        )  # fmt: skip
         if code < 0:
             try:
                 self.linear.factorise(self._values)
@@ -160,7 +166,7 @@ class Newton:
         nodal.ravel()[self.rows.free] = self.linear.solve(self._residual.ravel()[self.rows.free])
         np.negative(nodal, out=nodal)
         bubbles = np.empty_like(self._bubbles)
-        self.kernel["bubble_changes"](self.elements, self._kept, self._bubbles, nodal, bubbles)
+        self.over_elements("bubble_changes", self.elements, self._kept, self._bubbles, nodal, bubbles)
         return Point(nodal, bubbles)
 
     # -- The iteration --------------------------------------------------------------------------------------------------
@@ -231,12 +237,11 @@ class Newton:
             share = self._reach(previous, change)
             point = self._moved(previous, change, share)
             iterations += 1
-            if share == 1.0 and self._left(theta, size, 0.5 if stale else max(self._contraction, other)) <= self.tolerance:
-                turned = int(self.kernel["turned_over"](self.elements, point.nodal, point.bubbles))
-                if turned < 0:
-                    if np.isnan(theta):
-                        self._contraction = min(1.0, AGEING * max(self._contraction, LEAST_CONTRACTION))
-                    return point, iterations
+            left = self._left(theta, size, 0.5 if stale else max(self._contraction, other))
+            if share == 1.0 and left <= self.tolerance and self.turned_over(point) < 0:
+                if np.isnan(theta):
+                    self._contraction = min(1.0, AGEING * max(self._contraction, LEAST_CONTRACTION))
+                return point, iterations
             stale = self._too_slow(theta, size)
         raise StepFailure(f"Newton's method does not converge in {ITERATIONS} iterations: {self._worst(change, point)}")
 
