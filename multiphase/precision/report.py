@@ -75,7 +75,8 @@ class Study:
         name = self.scene.model.film
         lines = [
             f"error of {name}: mean over the body of the difference (of cell averages, or on the finer mesh), the largest over the stored "
-            f"times, over the largest |{name}|; of a scalar: the largest over the times, over its largest value; seconds: wall time of one run, median of the runs"
+            f"times, over the largest |{name}|; of a scalar: the largest over the times, over its largest value; seconds: wall time of one "
+            "run, median of the runs"
         ]
         if self.reference is None:
             return [*lines, "no reference: there are no errors"]
