@@ -142,6 +142,8 @@ def _run(options: argparse.Namespace) -> int:
             f"Everything up to the last good step is in {file}. --resume goes on with it, also with a larger time.end or solver.max_steps; "
             "any other change of the scene starts anew, with --force or another -o."
         )
+        if not file.exists():
+            kept = "Nothing was stored."
         advice = f"To go on: {again}" if isinstance(error.__cause__, OSError) else kept
         sys.stderr.write(f"multiphase: {error} {advice}\n")
         return FAILED

@@ -52,3 +52,7 @@ class Mesh:
     def size(self) -> float:
         """Larger side of the box around the points at rest."""
         return float(np.max(np.ptp(self.points, axis=0), initial=0.0)) if len(self.points) else 0.0
+
+    def equals(self, other: Mesh | None) -> bool:
+        """Whether another mesh has the same points and triangles, bit for bit."""
+        return other is not None and np.array_equal(self.points, other.points) and np.array_equal(self.triangles, other.triangles)

@@ -88,10 +88,18 @@ def run(
             raise ParameterError("trackers", f"{tracker!r} is not a tracker; see multiphase.trackers.")
     result = _prepare(scene, path, existing)
     if result.status == "completed" and result.t.size and result.t[-1] >= scene.time.end:
+        _write_copy(result, scene, path, missing_only=True)
         return result
     scene = _with_spacing_of(scene, result)
     with storage.claimed(path), Interrupts() as interrupts:
-        return _execute(scene, path, result, progress, [*trackers, interrupts], threads, raise_on_failure, options or {})
+        try:
+            result = _execute(scene, path, result, progress, [*trackers, interrupts], threads, raise_on_failure, options or {})
+        except SolverError as error:
+            if isinstance(error.result, Result) and path is not None and path.exists():
+                _write_copy(error.result, scene, path)
+            raise
+        _write_copy(result, scene, path)
+        return result
 
 
 def _execute(
@@ -137,8 +145,6 @@ def _execute(
         for hook in hooks:
             hook.on_end(recorder.state or state, status, message)
         recorder.write()
-        if scene.output.vtk and path is not None:
-            vtkhdf.write_copy(done, path)
         return done
 
     def reached() -> float:
@@ -166,6 +172,22 @@ def _execute(
         for hook in hooks:
             hook.on_end(recorder.state or state, "failed", str(error))
         raise _disk_error(error, path, recorder) from error
+
+
+def _write_copy(result: Result, scene: Scene, path: Path | None, *, missing_only: bool = False) -> None:
+    """Write the copy for ParaView that a scene asks for; raises SolverError where that cannot be written."""
+    if not scene.output.vtk or path is None or (missing_only and vtkhdf.copy_of(path).exists()):
+        return
+    try:
+        vtkhdf.write_copy(result, path)
+    except OSError as error:
+        copy = vtkhdf.copy_of(path)
+        raise SolverError(
+            f"{copy} could not be written ({error.strerror or error}); {path} is whole. Free some space, then make the copy with "
+            f"`multiphase export {path} -o {copy}`, or run it again with --resume.",
+            time=float(result.t[-1]) if result.t.size else 0.0,
+            result=result,
+        ) from error
 
 
 def _disk_error(error: OSError, path: Path | None, recorder: Recorder) -> SolverError:
@@ -231,6 +253,13 @@ def _starting_state(scene: Scene, scheme: Any, result: Result) -> tuple[State, l
     if not result.checkpoint:
         return start(scheme, save_at[0], save_at[1], _control(scene)), save_at
     state = State.from_arrays(result.checkpoint)
+    mesh = getattr(scheme, "mesh", None)
+    if (mesh is None) != (result.mesh is None) or (mesh is not None and not mesh.equals(result.mesh)):
+        raise ParameterError(
+            "--resume",
+            "the mesh of the body is another one than that of the file: was the file that it is read from changed? Run it anew, with "
+            "--force or another -o (in Python: overwrite=True, file=...).",
+        )
     size = scheme.initial().size
     if state.u.shape[1] != size:
         raise ParameterError(

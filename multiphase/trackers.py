@@ -187,7 +187,7 @@ class Balances(Tracker):
             value = snapshot.scalars[name]
             if not abs(value) <= self.limit:
                 self._watched = [other for other in self._watched if other != name]
-                logger.warning("%s = %.3g at t = %.6g: this balance should close to rounding", name, value, snapshot.t)
+                logger.warning("%s = %.3g at t = %.6g: this balance should close to %.1g", name, value, snapshot.t, self.limit)
 
 
 class Interrupts(Tracker):

@@ -13,7 +13,17 @@ from multiphase.model import Model, Panel, Quantity
 from multiphase.parameters import from_table
 from multiphase.plan import Plan
 from multiphase.stepping import Tracker
-from tumour.parameters import FILE_KINDS, PRESETS, TumourGeometry, TumourInitial, TumourParameters, TumourSolver, check
+from tumour.parameters import (
+    ELASTIC_FIELDS,
+    FILE_KINDS,
+    PRESETS,
+    VISCOUS_FIELDS,
+    TumourGeometry,
+    TumourInitial,
+    TumourParameters,
+    TumourSolver,
+    check,
+)
 from tumour.plan import plan_of
 
 if TYPE_CHECKING:
@@ -95,6 +105,10 @@ def _check(scene: Scene) -> None:
         raise ParameterError("output.vtk", "a copy for ParaView is for bodies in two dimensions; export this one as .csv instead.")
     solver, end = scene.solver, scene.time.end
     check(scene.parameters, scene.initial, scene.geometry, solver)
+    produced = VISCOUS_FIELDS if geometry.eulerian else ELASTIC_FIELDS
+    for name in scene.output.fields or ():
+        if name not in produced:
+            raise ParameterError("output.fields", f'this scene has no field "{name}"; it has {", ".join(produced)}.')
     if geometry.plane:
         from tumour.fem.bodies import body_of, check_fraction
 

@@ -15,8 +15,6 @@ from tumour import laws as law
 Array = NDArray[np.float64]
 
 GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
-ELASTIC_FIELDS = ("alpha", "C", "p", "displacement", "J", "stress_magnitude")
-VISCOUS_FIELDS = ("alpha", "C", "p", "u", "stress_magnitude")
 SIZES = {1: "thickness", 2: "area", 3: "volume"}
 
 

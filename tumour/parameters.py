@@ -29,6 +29,9 @@ RADIAL_KINDS = ("slab", "disk", "quarter_disk", "sphere")
 """Shapes whose fields may depend on the distance from the middle alone."""
 FILE_KINDS = ("outline", "mesh")
 """Shapes that are read from a file."""
+ELASTIC_FIELDS = ("alpha", "C", "p", "displacement", "J", "stress_magnitude")
+VISCOUS_FIELDS = ("alpha", "C", "p", "u", "stress_magnitude")
+"""What is stored in each formulation."""
 RADIAL_CELLS, DISK_CELLS, OTHER_CELLS = 200, 40, 20
 """Cells from the middle to the surface where a scene does not say: of radial bodies, of disks in two dimensions, of other shapes."""
 NEWTON_SHARE = 1e-2
@@ -429,6 +432,10 @@ def check(parameters: TumourParameters, initial: TumourInitial, geometry: Tumour
             '"mini" solves bodies in two dimensions; take method = "lines"'
             + (', or write dimension = "2d" in [geometry].' if geometry.kind in ("disk", "quarter_disk") else "."),
         )
+    if not geometry.plane:
+        for name, usual in (("newton_tol", None), ("linear", "auto"), ("assembly", "compiled")):
+            if getattr(solver, name) != usual:
+                raise ParameterError(f"solver.{name}", "has a meaning in two dimensions only; leave it out for a radial body.")
     if solver.method == "fipy" and not geometry.eulerian:
         raise ParameterError(
             "solver.method",

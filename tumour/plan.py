@@ -62,8 +62,9 @@ def _plane_plan(scene: Scene) -> Plan:
         f"least angle {quality.least_angle:.3g} degrees"
     )
     dropped = ["the bubbles of the displacement: condensed in each triangle"]
-    if not slides:
-        dropped.append("rigid motions: the displacement is kept orthogonal to them; no force holds the body")
+    if not (body.slide_x.size and body.slide_y.size):
+        motions = "the shift along the sides" if slides else "rigid motions"
+        dropped.append(f"{motions}: the displacement is kept orthogonal to them; no force holds the body")
     if p.kappa == 0.0:
         dropped.append("the flow of the fluid: kappa = 0 lets it flow freely at p = p_out, so that stresses balance at each moment")
     if p.Q == 0.0:
@@ -83,7 +84,7 @@ def _plane_plan(scene: Scene) -> Plan:
         ),
         warnings=_warnings(scene),
         open_balances=("defect_cells",) if printed else (),
-        balance_limit=10.0 * solver.newton_tolerance,
+        balance_limit=10.0 * solver.newton_tolerance * max(1.0, 1.0 / p.kappa if p.kappa > 0.0 else 1.0),
     )
 
 
@@ -196,6 +197,12 @@ def _warnings(scene: Scene) -> tuple[str, ...]:
         )
         warnings.append(
             f"alpha_min = {p.alpha_min:g} is below alpha_star = {p.alpha_star:g}: the contact stress jumps by {jump:.3g} there, {told}."
+        )
+    if scene.geometry.plane and p.gamma > 0.0 and p.alpha_min - 0.5 * p.sigma_width < p.alpha_star:
+        warnings.append(
+            f"cells attract between alpha = {max(0.0, p.alpha_min - 0.5 * p.sigma_width):g} and alpha_star = {p.alpha_star:g}: loose "
+            "tissue may part there into dense and empty places, and a run in two dimensions may end; with alpha_min = alpha_star and "
+            "sigma_width = 0 nothing attracts."
         )
     if scene.solver.alpha_step == "as-printed":
         warnings.append('alpha_step = "as-printed" does not keep the mass of cells; defect_cells tells by how much. "conservative" does.')

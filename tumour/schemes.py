@@ -14,7 +14,7 @@ from multiphase.geometry import MovingGrid
 from multiphase.lines import Kernel
 from tumour import equations as eq
 from tumour import eulerian, laws, observation, radial
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.parameters import ELASTIC_FIELDS, VISCOUS_FIELDS, TumourGeometry, TumourInitial, TumourParameters, TumourSolver
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ class Elastic(Radial):
     """
 
     kernel = ELASTIC
-    fields = observation.ELASTIC_FIELDS
+    fields = ELASTIC_FIELDS
     bounds: ClassVar[Mapping[int, str]] = {
         1: "a cell is turned inside out (J <= 0)",
         2: "the cell fraction alpha leaves (0, 1)",
@@ -141,7 +141,7 @@ class Viscous(Radial):
     """
 
     kernel = VISCOUS
-    fields = observation.VISCOUS_FIELDS
+    fields = VISCOUS_FIELDS
     bounds: ClassVar[Mapping[int, str]] = {
         1: "the body has no size left (its radius is below 1e-12 of that at t = 0)",
         2: "the cell fraction alpha leaves [0, 1)",

@@ -546,7 +546,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 
 def test_without_meshio_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "meshio", None)
-    with pytest.raises(ParameterError, match=r"pip install multiphase-tissue\[mesh\]"):
+    with pytest.raises(ParameterError, match=r'pip install "multiphase-tissue\[mesh\]"'):
         from_gmsh(write_gmsh(tmp_path / "a.msh", SQUARE_NODES, FAN))
 
 

@@ -121,7 +121,7 @@ class RigidMotions:
 
     def __init__(self, elements: Elements, points: Array, fixed: NDArray[np.bool_]) -> None:
         self.points = points
-        self.shifts = ~fixed.any(axis=0)
+        self.shifts: NDArray[np.bool_] = np.asarray(~fixed.any(axis=0))
         self.turns = bool(self.shifts.all())
         self.held = np.zeros_like(fixed)
         mass = mass_matrix(elements, len(points))

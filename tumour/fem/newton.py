@@ -39,6 +39,10 @@ LEAST_SHARE = 1.0 / 1024.0
 """Least share of a change that is taken; below it the step is given up."""
 LEAST_CONTRACTION = 0.05
 """Contraction that the first change of a step is taken to have at best."""
+LAST = 10.0
+"""Size of the last change, in tolerances, above which an iteration goes on however fast it seems to converge: what is slow shows late."""
+ROUNDING = 1e-10
+"""Size of changes that rounding may leave in stiff bodies."""
 AGEING = 4.0
 """Factor by which the contraction is taken to have grown after a step that did not show it."""
 KEPT_DISTANCE = 0.1
@@ -238,7 +242,7 @@ class Newton:
             point = self._moved(previous, change, share)
             iterations += 1
             left = self._left(theta, size, 0.5 if stale else max(self._contraction, other))
-            if share == 1.0 and left <= self.tolerance and self.turned_over(point) < 0:
+            if share == 1.0 and left <= self.tolerance and size <= max(LAST * self.tolerance, ROUNDING) and self.turned_over(point) < 0:
                 if np.isnan(theta):
                     self._contraction = min(1.0, AGEING * max(self._contraction, LEAST_CONTRACTION))
                 return point, iterations

@@ -40,6 +40,10 @@ Array = NDArray[np.float64]
 X, Y, ALPHA, P, OXYGEN = range(FIELDS)
 
 
+RATE_STEP = 1e-6
+"""Step over which the rate of the volume at t = 0 is taken where the fluid flows freely."""
+
+
 class MiniScheme:
     """One implicit step of the tumour on a mesh; see `multiphase.stepping.Scheme`.
 
@@ -155,10 +159,19 @@ class MiniScheme:
                 "lambda_alpha; with kappa = 0 the body takes its equilibrium at once, and a small kappa lets it go there in time.",
                 time=0.0,
             ) from failure
-        # What flows in from the surface; the points on it, whose own volume changes with the motion, are left out.
-        self.rest(u)[2][:] = np.sum(self._moments(self.point(u))[3][self.prescribed[:, P]])
+        self.rest(u)[2][:] = self._first_rate(u)
         self.newton.forget()
         return u
+
+    def _first_rate(self, u: Array) -> float:
+        """Rate of the volume at t = 0: what flows in from the surface, whose own points, moving with it, are left out; with a fluid that
+        flows freely, that over a small step."""
+        if self.parameters.kappa > 0.0:
+            return float(np.sum(self._moments(self.point(u))[3][self.prescribed[:, P]]))
+        try:
+            return float(self.rest(self.solve(RATE_STEP, 1.0 / RATE_STEP, u, u).u)[2][0])
+        except StepFailure:
+            return np.nan
 
     def consistent(self, t: float, u: Array) -> Array:
         """`u`: nothing in the data jumps."""
