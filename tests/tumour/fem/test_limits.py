@@ -12,6 +12,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 
 from tumour import exact, meshes
+from tumour.equations import net_growth
 from tumour.fem.kernel import FIELDS, KERNEL, LOCAL, OUTER, ROWS
 from tumour.fem.newton import Point, Step
 
@@ -199,3 +200,11 @@ def test_a_fluid_that_flows_freely_is_the_limit_of_little_drag(make_mini: Any, r
     off = [abs(radius(kappa) - free) for kappa in (1e-2, 1e-3)]
     assert off[0] < 1e-2
     assert off[0] / off[1] == pytest.approx(10.0, rel=0.2)
+
+
+def test_the_first_growth_rate_of_a_fluid_that_flows_freely(make_mini: Any) -> None:
+    """kappa = 0, no uptake, lambda_alpha = 0: mu (J - 1) = alpha Sigma(alpha) J gives J' = 20 alpha' at alpha = alpha_star = 0.8, and with
+    alpha' + 0.8 J' = q the rate R'/R = J'/2 = 10 q/17. Over a step of 1e-6, with what Newton's method leaves of 1e-12: 1e-5."""
+    scheme = make_mini(newton_tol=1e-12, kappa=0.0, mobility="darcy", Q=0.0)
+    q = net_growth(0.8, 1.0, 10.0, 0.5, 0.5, 10.0)
+    assert scheme.observe(0.0, scheme.initial()).scalars["growth_rate"] == pytest.approx(10.0 * q / 17.0, rel=1e-5)
