@@ -207,6 +207,17 @@ def add_response(corners: Any, bx: float, by: float, lam: Any, s: Any, r: Any) -
 
 
 @njit(error_model="numpy")
+def add_condensed(corners: Any, r: Any, bubble_load: Any, kept: Any, R: Any, r_bubble: Any) -> None:
+    """Add the element's residual r, its bubble condensed with the blocks `kept`, to that of the points; keep the bubble's own."""
+    b0, b1 = r[15] - bubble_load[0], r[16] - bubble_load[1]
+    r_bubble[0], r_bubble[1] = b0, b1
+    for a in range(3):
+        for k in range(FIELDS):
+            row = FIELDS * a + k
+            R[corners[a], k] += r[row] - kept[34 + row] * b0 - kept[49 + row] * b1
+
+
+@njit(error_model="numpy")
 def residual(
     c: Data,
     el: Elements,
@@ -227,9 +238,7 @@ def residual(
     """
     x, e, s, r = np.empty(LOCAL), np.empty(ROWS), np.empty(ROWS), np.empty(LOCAL)
     old, past = np.empty(LOCAL), np.ones((len(el.weights), 2))
-    for i in range(R.shape[0]):
-        for k in range(FIELDS):
-            R[i, k] = -loads[i, k]
+    R[:, :] = -loads
     for n in range(len(el.areas)):
         gather(el, nodal, bubbles, n, x)
         if c.printed:
@@ -248,13 +257,7 @@ def residual(
             for i in range(ROWS):
                 s[i] *= weight
             add_response(corners, bx, by, lam, s, r)
-        b0, b1 = r[15] - bubble_loads[n, 0], r[16] - bubble_loads[n, 1]
-        r_bubbles[n, 0], r_bubbles[n, 1] = b0, b1
-        for a in range(3):
-            i = el.triangles[n, a]
-            for k in range(FIELDS):
-                row = FIELDS * a + k
-                R[i, k] += r[row] - kept[n, 34 + row] * b0 - kept[n, 49 + row] * b1
+        add_condensed(el.triangles[n], r, bubble_loads[n], kept[n], R, r_bubbles[n])
     return -1
 
 
@@ -351,9 +354,7 @@ def tangent(
     D, B = np.zeros((ROWS, ROWS)), np.zeros((ROWS, LOCAL))
     old, past = np.empty(LOCAL), np.ones((len(el.weights), 2))
     values[:] = 0.0
-    for i in range(R.shape[0]):
-        for k in range(FIELDS):
-            R[i, k] = -loads[i, k]
+    R[:, :] = -loads
     for n in range(len(el.areas)):
         gather(el, nodal, bubbles, n, x)
         if c.printed:
@@ -361,13 +362,7 @@ def tangent(
         if not element_tangent(c, el, tau, n, x, past, e, s, D, B, r, K):
             return n
         condense(K, kept[n])
-        b0, b1 = r[15] - bubble_loads[n, 0], r[16] - bubble_loads[n, 1]
-        r_bubbles[n, 0], r_bubbles[n, 1] = b0, b1
-        for a in range(3):
-            i = el.triangles[n, a]
-            for k in range(FIELDS):
-                row = FIELDS * a + k
-                R[i, k] += r[row] - kept[n, 34 + row] * b0 - kept[n, 49 + row] * b1
+        add_condensed(el.triangles[n], r, bubble_loads[n], kept[n], R, r_bubbles[n])
         add_to_rows(el.triangles[n], pattern.pairs[n], pattern, K, values)
     return -1
 
