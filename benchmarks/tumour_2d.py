@@ -29,7 +29,8 @@ from tumour import TumourGeometry, TumourParameters, simulate
 from tumour.fem import kernel
 from tumour.fem.bodies import body_of
 from tumour.fem.scheme import MiniScheme
-from tumour.parameters import TumourInitial, TumourSolver
+from tumour.parameters import TumourInitial
+from tumour.solver import TumourSolver
 
 TIMES = (20.0, 40.0, 60.0)
 PAPER = TumourParameters.preset("paper")

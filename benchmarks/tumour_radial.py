@@ -19,8 +19,10 @@ import numpy as np
 from machine import heading
 
 from multiphase.stepping import Control, Snapshot, State, Tracker, integrate, start
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
 from tumour.schemes import ElasticLines, ElasticRadau, ViscousLines, ViscousRadau
+from tumour.solver import TumourSolver
 
 END = 60.0
 NAMES = {ElasticRadau: "radau", ElasticLines: "bdf2", ViscousRadau: "radau", ViscousLines: "bdf2"}

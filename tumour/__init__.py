@@ -10,7 +10,9 @@ Exact solutions are in `tumour.exact`.
 
 from __future__ import annotations
 
+from tumour.geometry import TumourGeometry
 from tumour.model import simulate
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.parameters import TumourInitial, TumourParameters
+from tumour.solver import TumourSolver
 
 __all__ = ["TumourGeometry", "TumourInitial", "TumourParameters", "TumourSolver", "simulate"]

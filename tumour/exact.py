@@ -19,7 +19,10 @@ from scipy.special import ive, jn_zeros, jv
 
 from multiphase.errors import ParameterError, SolverError
 from tumour import equations as eq
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver, check
+from tumour.checks import check
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
+from tumour.solver import TumourSolver
 
 Array = NDArray[np.float64]
 

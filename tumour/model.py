@@ -13,18 +13,12 @@ from multiphase.model import Model, Panel, Quantity
 from multiphase.parameters import from_table
 from multiphase.plan import Plan
 from multiphase.stepping import Tracker
-from tumour.parameters import (
-    ELASTIC_FIELDS,
-    FILE_KINDS,
-    PRESETS,
-    VISCOUS_FIELDS,
-    TumourGeometry,
-    TumourInitial,
-    TumourParameters,
-    TumourSolver,
-    check,
-)
+from tumour.checks import check
+from tumour.geometry import FILE_KINDS, TumourGeometry
+from tumour.parameters import ELASTIC_FIELDS, VISCOUS_FIELDS, TumourInitial, TumourParameters
 from tumour.plan import plan_of
+from tumour.presets import PRESETS
+from tumour.solver import TumourSolver
 
 if TYPE_CHECKING:
     from multiphase.result import Result

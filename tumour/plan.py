@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from multiphase.plan import Plan
-from tumour.parameters import TumourGeometry, TumourParameters, find_preset
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourParameters
+from tumour.presets import find_preset
 
 if TYPE_CHECKING:
     from multiphase.scene import Scene

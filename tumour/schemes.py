@@ -14,7 +14,9 @@ from multiphase.geometry import MovingGrid
 from multiphase.lines import Kernel
 from tumour import equations as eq
 from tumour import eulerian, laws, observation, radial
-from tumour.parameters import ELASTIC_FIELDS, VISCOUS_FIELDS, TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.geometry import TumourGeometry
+from tumour.parameters import ELASTIC_FIELDS, VISCOUS_FIELDS, TumourInitial, TumourParameters
+from tumour.solver import TumourSolver
 
 Array = NDArray[np.float64]
 

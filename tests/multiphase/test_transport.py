@@ -14,8 +14,10 @@ from plaque1d import PlaqueInitial, PlaqueParameters
 from plaque1d.lines_scheme import LinesScheme
 from plaque1d.parameters import PlaqueGeometry
 from plaque1d.semidiscrete import KERNEL
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
 from tumour.schemes import VISCOUS, ViscousLines
+from tumour.solver import TumourSolver
 
 CELLS = 12
 KINDS = {1: "slab", 2: "disk", 3: "sphere"}

@@ -8,8 +8,11 @@ from typing import Any
 import pytest
 
 from multiphase.stepping import Control, Snapshot, State, integrate, start
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver, find_preset
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
+from tumour.presets import find_preset
 from tumour.schemes import ElasticLines, ElasticRadau
+from tumour.solver import TumourSolver
 
 KINDS = {1: "slab", 2: "disk", 3: "sphere"}
 Maker = Callable[..., Any]

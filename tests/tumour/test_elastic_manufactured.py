@@ -18,8 +18,10 @@ from scipy.linalg import solve_banded
 from multiphase import radau
 from multiphase.stepping import Control, Solved, integrate, start
 from tumour import radial
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
 from tumour.schemes import ELASTIC, ElasticLines, ElasticRadau
+from tumour.solver import TumourSolver
 
 VALUES = {
     "mu_alpha": 1.2, "lambda_alpha": 0.4, "gamma": 0.9, "alpha_star": 0.75, "alpha_min": 0.75, "Q": 1.5, "Q1_hat": 0.7, "mobility": "darcy",

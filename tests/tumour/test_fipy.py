@@ -13,8 +13,10 @@ from multiphase.fipy_newton import import_fipy
 from multiphase.stepping import Control, StepFailure, integrate, start
 from tumour import simulate
 from tumour.fipy_scheme import FipyScheme
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
 from tumour.schemes import ViscousLines, ViscousRadau
+from tumour.solver import TumourSolver
 
 KINDS = {1: "slab", 2: "disk", 3: "sphere"}
 SMOOTH: dict[str, Any] = {"alpha": 0.85, "radius": 4.0, "Q": 1.0, "alpha_min": 0.0}

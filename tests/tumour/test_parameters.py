@@ -11,15 +11,11 @@ import pytest
 from multiphase.errors import ParameterError
 from multiphase.parameters import from_table, replace, specifications, to_table
 from tumour import equations as eq
-from tumour.parameters import (
-    PRESETS,
-    TumourGeometry,
-    TumourInitial,
-    TumourParameters,
-    TumourSolver,
-    check,
-    find_preset,
-)
+from tumour.checks import check
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
+from tumour.presets import PRESETS, find_preset
+from tumour.solver import TumourSolver
 
 DEFAULTS = {
     "mu_alpha": 1.0, "lambda_alpha": 0.0, "kappa": 1.0, "mobility": "darcy", "mobility_floor": 0.0, "gamma": 1.0, "alpha_star": 0.8,

@@ -12,8 +12,10 @@ import pytest
 from multiphase import newton
 from multiphase.stepping import Control, Snapshot, State, StepFailure, integrate, start
 from tumour import exact
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
 from tumour.schemes import VISCOUS, ViscousLines, ViscousRadau
+from tumour.solver import TumourSolver
 
 KINDS = {1: "slab", 2: "disk", 3: "sphere"}
 SCHEMES = {"lines": ViscousLines, "radau": ViscousRadau}

@@ -17,8 +17,10 @@ import sympy as sp
 from multiphase import radau
 from multiphase.stepping import Control, Solved, integrate, start
 from tumour import eulerian
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
 from tumour.schemes import VISCOUS, ViscousLines, ViscousRadau
+from tumour.solver import TumourSolver
 
 VALUES = {
     "mu_alpha": 0.7, "lambda_alpha": 0.4, "gamma": 0.9, "alpha_star": 0.55, "alpha_min": 0.55, "Q": 1.5, "Q1_hat": 0.7,

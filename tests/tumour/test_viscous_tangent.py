@@ -10,8 +10,10 @@ import pytest
 
 from tumour import equations as eq
 from tumour import eulerian, radial
-from tumour.parameters import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
 from tumour.schemes import VISCOUS, ViscousLines
+from tumour.solver import TumourSolver
 
 N = 9
 KINDS = {1: "slab", 2: "disk", 3: "sphere"}

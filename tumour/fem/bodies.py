@@ -9,8 +9,9 @@ import numpy as np
 
 from multiphase.errors import ParameterError
 from tumour import meshes
+from tumour.geometry import TumourGeometry
 from tumour.meshes import Body
-from tumour.parameters import TumourGeometry, TumourInitial
+from tumour.parameters import TumourInitial
 
 
 def body_of(geometry: TumourGeometry, cells: int) -> Body:

@@ -33,7 +33,8 @@ from tumour.fem.bodies import fraction
 from tumour.fem.newton import Newton, Point, Step
 from tumour.fem.observation import Observation
 from tumour.meshes import Body
-from tumour.parameters import TumourInitial, TumourParameters, TumourSolver
+from tumour.parameters import TumourInitial, TumourParameters
+from tumour.solver import TumourSolver
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,9 @@ from tumour import meshes
 from tumour.fem.scheme import MiniScheme
 from tumour.meshes import Body
 from tumour.meshes.body import make_body
-from tumour.parameters import TumourInitial, TumourParameters, TumourSolver, find_preset
+from tumour.parameters import TumourInitial, TumourParameters
+from tumour.presets import find_preset
+from tumour.solver import TumourSolver
 
 
 def make_scheme(

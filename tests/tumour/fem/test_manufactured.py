@@ -25,7 +25,8 @@ from tumour import equations as eq
 from tumour.fem.forms import LOCAL, Forms
 from tumour.fem.scheme import MiniScheme
 from tumour.meshes import Body
-from tumour.parameters import TumourInitial, TumourParameters, TumourSolver
+from tumour.parameters import TumourInitial, TumourParameters
+from tumour.solver import TumourSolver
 
 
 def _load() -> Any:
