@@ -74,3 +74,33 @@ class Elements(NamedTuple):
     areas: Array
     points: Array
     weights: Array
+
+
+class Edges(NamedTuple):
+    """The edges of the surface on which something acts that needs an integral.
+
+    Attributes
+    ----------
+    triangles, first, second : (edges,) arrays of int
+        The triangle of an edge, and which of its corners are its ends, with the body on the left on the way from the first to the second.
+    lengths : (edges,) array
+        At rest.
+    normals : (edges, 2) array
+        Outward unit normals at rest.
+    springs : (edges, 2) array
+        Spring per length at rest, in all directions and along the normal alone.
+    membranes : (edges,) array
+        Permeability to oxygen of a membrane, per length now; 0 without one.
+    """
+
+    triangles: Array
+    first: Array
+    second: Array
+    lengths: Array
+    normals: Array
+    springs: Array
+    membranes: Array
+
+
+ACTIONS = 5
+"""What acts on an edge at a time: dead traction in x and y, follower pressure, influx of oxygen, oxygen beyond the membrane."""

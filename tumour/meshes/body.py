@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +58,10 @@ class Body:
         Counterclockwise triangles; every node belongs to one.
     surface : array of int
         Nodes of the free surface, where oxygen and pressure are prescribed.
+    edges : (n, 2) array of int
+        Edges of the free surface, with the body on their left.
+    sides : mapping of str to array of int
+        Named parts of the free surface: numbers among its edges. They need not cover it and may share edges.
     slide_x, slide_y : array of int
         Nodes that may not move in x (of a straight side x = const on which the body slides), and in y. The ends of such a side may be
         on the surface as well.
@@ -72,6 +77,8 @@ class Body:
 
     mesh: MeshTri
     surface: Numbers
+    edges: Numbers
+    sides: Mapping[str, Numbers]
     slide_x: Numbers
     slide_y: Numbers
     radius: float
@@ -90,14 +97,30 @@ def make_body(
     radius: float,
     area: float | None = None,
     is_round: bool = False,
+    sides: Mapping[str, Numbers] | None = None,
     path: str,
 ) -> Body:
-    """Check a mesh and make a body of it; without an `area`, of the mesh's own."""
+    """Check a mesh and make a body of it; without an `area`, of the mesh's own.
+
+    `sides` gives edges, (n, 2), by name; those that are not of the free surface are left out. Without it all of the surface is "surface".
+    """
     on_surface, in_x, in_y = (np.unique(np.asarray(nodes, dtype=np.int64)) for nodes in (surface, slide_x, slide_y))
     quality = check(points, triangles, path, surface=on_surface)
     mesh = MeshTri(np.ascontiguousarray(points.T), np.ascontiguousarray(triangles.T), sort_t=False, validate=False)
     own = float(doubled_areas(points, triangles).sum()) / 2.0
-    return Body(mesh, on_surface, in_x, in_y, float(radius), own if area is None else float(area), is_round, quality)
+    edges = boundary_edges(triangles)
+    edges = edges[~(np.isin(edges, in_x).all(axis=1) | np.isin(edges, in_y).all(axis=1))]
+    named = {"surface": edges} if sides is None else sides
+    numbered = {name: numbers for name, of in named.items() if len(numbers := _numbers(of, edges, len(points)))}
+    return Body(
+        mesh, on_surface, edges, numbered, in_x, in_y, float(radius), own if area is None else float(area), is_round, quality
+    )  # fmt: skip
+
+
+def _numbers(of: Numbers, edges: Numbers, count: int) -> Numbers:
+    """Which of the `edges` are among those of a side, in either direction."""
+    keys = np.array([count, 1])
+    return np.flatnonzero(np.isin(np.sort(edges, axis=1) @ keys, np.sort(np.reshape(of, (-1, 2)), axis=1) @ keys))
 
 
 def doubled_areas(points: Points, triangles: Numbers) -> Points:

@@ -55,7 +55,16 @@ def from_gmsh(path: str | Path, slide_x: Sequence[str] = (), slide_y: Sequence[s
         raise ParameterError(PATH, "all sides slide, and no free surface is left; oxygen enters through a free surface.")
     check(points, triangles, PATH)
     radius = inscribed_radius(points, points[free], points[boundary])
-    return make_body(points, triangles, surface=free, slide_x=slides["x"], slide_y=slides["y"], radius=radius, path=PATH)
+    return make_body(
+        points,
+        triangles,
+        surface=free,
+        slide_x=slides["x"],
+        slide_y=slides["y"],
+        radius=radius,
+        sides={"surface": free, **groups},
+        path=PATH,
+    )
 
 
 def _read(path: Path) -> Any:
