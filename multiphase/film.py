@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import textwrap
 from collections.abc import Callable
+from math import ceil
 from typing import TYPE_CHECKING
 
 import matplotlib
@@ -19,6 +20,7 @@ from multiphase.errors import ParameterError
 from multiphase.model import Panel
 from multiphase.plotting.files import checked_path, replacing
 from multiphase.plotting.maps import Map, map_height
+from multiphase.plotting.marks import columns_of, legend_of
 from multiphase.plotting.panels import draw_lines, time_limits
 from multiphase.plotting.ring import Ring, radius_axis
 from multiphase.plotting.style import STYLE, TITLE_WIDTH, colour_map
@@ -32,6 +34,8 @@ FEW_TIMES, SMOOTH_FRAMES, MOST_FRAMES = 40, 100, 150
 BAND_PIXELS = 600
 WIDTH, RING_WIDTH = 7.0, 4.2  # inches: of a film, and what a round body adds to it
 MAP_WIDTH, MAP_MARGINS, BESIDE_WIDTH = 4.0, (1.4, 1.1), 3.4  # of a map, around it (across, along), and of the scalars beside it
+MARKED_HIGH = 2.2  # inches of each panel of scalars beside a body with marks, which may be a flat one and have a radius all the same
+LEGEND, LEGEND_LINE = 15, 0.2  # characters to an inch of a legend, and inches of each of its lines
 
 
 class Film:
@@ -141,8 +145,15 @@ class BodyFilm:
             across, along = MAP_MARGINS
             wide, high = MAP_WIDTH + across, map_height(view, rows, MAP_WIDTH) + along
             beside = [BESIDE_WIDTH] if panels else []
-            self.figure = Figure(figsize=(wide + sum(beside), max(high, 1.9 * len(panels) + 0.4)), layout="constrained")
+            lines, texts = legend_of(view.marks, bars=True)
+            columns = columns_of(texts, round((wide + sum(beside)) * LEGEND))
+            below = LEGEND_LINE * ceil(len(texts) / columns)
+            self.figure = Figure(
+                figsize=(wide + sum(beside), max(high, (MARKED_HIGH if texts else 1.9) * len(panels) + 0.4) + below), layout="constrained"
+            )
             FigureCanvasAgg(self.figure)
+            if texts:
+                self.figure.legend(lines, texts, loc="outside lower center", ncols=columns, frameon=False)
             grid = self.figure.add_gridspec(max(len(panels), 1), 1 + len(beside), width_ratios=[MAP_WIDTH, *(0.6 * w for w in beside)])
             self.map = Map(view, name, self.figure.add_subplot(grid[:, 0]), rows)
             self.map.add_bar()

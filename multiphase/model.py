@@ -10,9 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from multiphase.errors import ParameterError
+from multiphase.marks import Marks
 
 if TYPE_CHECKING:
     from multiphase.plan import Plan
@@ -61,9 +63,10 @@ class Panel:
     kind : str
         "scalar" (against time), on any grid. On a 1D grid "profile" (against position at several times), "spacetime" (colour over time
         and position) and "ring" (cross-sections of a round body at a few times; left out where the body is flat). On triangles "map"
-        (colour on the body at the last time; of a vector its size, with arrows) and "maps" (the same without arrows at a few times).
+        (colour on the body at the last time; of a vector its size, with arrows), "maps" (the same without arrows at a few times) and
+        "rest" (the properties that `Model.marks` gives, on the body at rest; left out where there are none).
     names : tuple of str
-        What it shows; of a scalar panel those that the result holds.
+        What it shows; of a scalar panel those that the result holds; nothing of a panel "rest".
     title : str
     round_only : bool
         Leaves another panel than a ring out where the body is flat as well.
@@ -79,6 +82,26 @@ class Panel:
     round_only: bool = False
     grid: str = ""
     log: bool = False
+
+
+class NamedTables(Protocol):
+    """A scene table whose entries are tables that the user names, such as ``[boundary.bone]``: frozen, and empty by default."""
+
+    table: ClassVar[str]
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], path: str = ..., folder: Path | None = ...) -> Self:
+        """Made and checked from what a scene file holds, or from Python values by name."""
+
+    def to_table(self) -> dict[str, dict[str, Any]]:
+        """As a scene file holds them, with every default written out."""
+
+    def with_changes(self, changes: Mapping[str, Any]) -> Self:
+        """A copy with some entries changed: a mapping changes the keys that it holds, None takes an entry away."""
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether there are no entries."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +142,10 @@ class Model:
     fronts : tuple of str
         Scalars that are positions within a 1D domain, for instance the edge of a core: lines in its space-time pictures, in the
         styles that they have after the width in a scalar panel.
+    boundary : type of NamedTables or None
+        What the table [boundary] of a scene holds, where the model has parts of a boundary.
+    marks : callable(result) -> Marks
+        What the pictures of a result on triangles show besides its fields. The result may be in physical units or not.
     """
 
     name: str
@@ -142,6 +169,8 @@ class Model:
     position: str = "position x"
     complete: Callable[[Scene], Mapping[str, Any]] = lambda scene: {}
     fronts: tuple[str, ...] = ()
+    boundary: type[NamedTables] | None = None
+    marks: Callable[[Result], Marks] = lambda result: Marks()
 
 
 @cache

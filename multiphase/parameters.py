@@ -31,7 +31,13 @@ T = TypeVar("T")
 POSITION_FORMS = 'a number, a formula such as "0.9 - 0.1*xi", a table { at = [...], values = [...] } or { file = "x.csv" }'
 """How a function of position may be written."""
 
-_KINDS = ("number", "integer", "flag", "word", "words", "file", "function", "series")
+PLANE_FORMS = ', or a grid { pixel = 0.02, values = [[...], ...] } or { image = "x.png", pixel = 0.02, low = 0.2, high = 1.5 }'
+"""And how else in two dimensions."""
+
+TENSOR_FORMS = "; a tensor also as { along = ..., across = ... } or { xx = ..., yy = ..., xy = ... } of these"
+"""And how else a tensor."""
+
+_KINDS = ("number", "integer", "flag", "word", "words", "file", "function", "tensor", "series", "points", "loops")
 _KIND_OF_DEFAULT = {bool: "flag", int: "integer", float: "number", str: "word", tuple: "words"}
 
 
@@ -68,8 +74,14 @@ class Parameter:
                 return 'a list of names in quotes, such as ["n"]'
             case "file":
                 return "the name of a file in quotes"
+            case "points":
+                return "a list of points [x, y], such as [[0, 0], [1, 0], [0, 1]]"
+            case "loops":
+                return "a list of lists of points [x, y], such as [[[0, 0], [1, 0], [0, 1]]]"
             case "function":
-                return POSITION_FORMS
+                return position_forms(self.variables)
+            case "tensor":
+                return position_forms(self.variables) + TENSOR_FORMS
         return f"a number{self.bounds} or a table {{ times = [...], values = [...] }}"
 
     @property
@@ -122,10 +134,11 @@ def parameter(
         The only words allowed; with ``kind="number"``, words allowed beside numbers.
     source, doc : str
         Where the default comes from; what the parameter is, in a few words (used in messages).
-    kind : "number", "integer", "flag", "word", "words", "function" (of position) or "series" (in time)
+    kind : "number", "integer", "flag", "word", "words", "function" (of position), "tensor" (the same), "series" (in time),
+        "points" (a list of pairs of numbers) or "loops" (a list of such lists)
         Follows from the type of `default` if not given.
     variables : iterable of str
-        For a function of position: the names it may use, the coordinate of its tables first.
+        For a function of position or a tensor: the names it may use, the coordinate of its tables first.
     """
     chosen = kind or _KIND_OF_DEFAULT.get(type(default), "")
     if chosen not in _KINDS:
@@ -134,6 +147,11 @@ def parameter(
         symbol, chosen, unit, low, high, low_open, high_open, tuple(choices), tuple(variables), default is None, source, doc
     )
     return dataclasses.field(default=default, metadata={"parameter": specification})
+
+
+def position_forms(variables: Iterable[str]) -> str:
+    """How a function of position in these variables may be written."""
+    return POSITION_FORMS + (PLANE_FORMS if {"x", "y"} <= set(variables) else "")
 
 
 def specifications(cls: Any) -> dict[str, Parameter]:
@@ -151,8 +169,8 @@ def nearest(name: str, names: Iterable[str]) -> str:
 def validate(obj: Any, path: str) -> None:
     """Check every field of a parameter dataclass, and put each value into its stored form.
 
-    Stored are floats, integers, truth values, words, `PositionFunction` and `TimeSeries`; so an integer given for a float
-    becomes a float, and a number given for a function becomes a constant function.
+    Stored are floats, integers, truth values, words, `PositionFunction`, `TensorFunction` and `TimeSeries`; so an integer given for
+    a float becomes a float, and a number given for a function becomes a constant function.
 
     Raises
     ------
@@ -180,15 +198,13 @@ def from_table(
     elsewhere : mapping of str to str, optional
         Keys of other tables and where each belongs, for the message about an unknown key.
     """
-    from multiphase.functions import PositionFunction
-
     if not isinstance(table, Mapping):
         raise ParameterError(path, f"expected a table, [{path}] on a line of its own with its keys below, but got {describe(table)}.")
     known = specifications(cls)
     values = {key: table[key] for key in known if key in table}
     for key, value in values.items():
-        if known[key].kind == "function" and folder is not None:
-            values[key] = PositionFunction(value, variables=known[key].variables, path=f"{path}.{key}", folder=folder)
+        if known[key].kind in ("function", "tensor") and folder is not None:
+            values[key] = _function(value, known[key], f"{path}.{key}", folder)
         if known[key].kind == "file" and folder is not None and isinstance(value, str) and (folder / value).exists():
             values[key] = str(folder / value)
     made = cls(**values)
@@ -209,8 +225,13 @@ def to_table(obj: Any) -> dict[str, Any]:
         if hasattr(value, "to_table"):
             table[name] = value.to_table()
         elif value is not None:
-            table[name] = list(value) if isinstance(value, tuple) else value
+            table[name] = _lists(value)
     return table
+
+
+def _lists(value: Any) -> Any:
+    """Tuples, also within tuples, as lists."""
+    return [_lists(item) for item in value] if isinstance(value, tuple) else value
 
 
 def replace(obj: T, **changes: Any) -> T:
@@ -286,7 +307,7 @@ def check_keys(table: Mapping[str, Any], wanted: Sequence[str], path: str) -> No
 
 def _checked(value: Any, specification: Parameter, path: str) -> Any:
     """`value` in its stored form."""
-    from multiphase.functions import PositionFunction, TimeSeries
+    from multiphase.series import TimeSeries
 
     if value is None and specification.optional:
         return None
@@ -295,10 +316,9 @@ def _checked(value: Any, specification: Parameter, path: str) -> Any:
     match specification.kind:
         case "number" | "integer":
             return _number(value, specification, path)
-        case "function":
-            function = PositionFunction(value, variables=specification.variables, path=path)
-            for number in function.listed:
-                _check_bounds(float(number), specification, path)
+        case "function" | "tensor":
+            function = _function(value, specification, path)
+            _check_listed(function.listed, specification, path)
             return function
         case "series":
             series = TimeSeries(value, path=path)
@@ -311,7 +331,46 @@ def _checked(value: Any, specification: Parameter, path: str) -> Any:
             return tuple(value)
         case "word" | "file" if isinstance(value, str) and not specification.choices:
             return value
+        case "points" if isinstance(_plain(value), list | tuple):
+            return _points(value, path)
+        case "loops" if isinstance(loops := _plain(value), list | tuple):
+            return tuple(_points(loop, f"{path}[{i}]") for i, loop in enumerate(loops))
     raise _wrong(value, specification, path)
+
+
+def _function(value: Any, specification: Parameter, path: str, folder: Path | None = None) -> Any:
+    """A function of position or a tensor."""
+    from multiphase.functions import PositionFunction
+    from multiphase.tensors import TensorFunction
+
+    made = PositionFunction if specification.kind == "function" else TensorFunction
+    return made(value, variables=specification.variables, path=path, folder=folder)
+
+
+def _check_listed(values: Any, specification: Parameter, path: str) -> None:
+    """Check the bounds of many values; each by itself only where one is out of bounds, to name the first."""
+    if len(values) and not (specification.allows(values.min()) and specification.allows(values.max())):
+        for number in values:
+            _check_bounds(float(number), specification, path)
+
+
+def _points(values: Any, path: str) -> tuple[tuple[float, float], ...]:
+    """Points in the plane, in tuples."""
+    points = _plain(values)
+    if not isinstance(points, list | tuple):
+        raise ParameterError(path, f"expected a list of points [x, y], but got {describe(values)}.")
+    found = []
+    for i, point in enumerate(map(_plain, points)):
+        if not isinstance(point, list | tuple) or len(point) != 2:
+            raise ParameterError(f"{path}[{i}]", f"expected a point [x, y], two numbers, but got {describe(point)}.")
+        x, y = numbers(point, f"{path}[{i}]")
+        found.append((x, y))
+    return tuple(found)
+
+
+def _plain(values: Any) -> Any:
+    """An array as lists; anything else as it is."""
+    return values.tolist() if isinstance(values, np.ndarray) else values
 
 
 def _number(value: Any, specification: Parameter, path: str) -> float | int:

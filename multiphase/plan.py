@@ -30,6 +30,8 @@ class Plan:
         Scalars ``defect_...`` of balances that this form does not close, by the user's choice; large ones are no fault of the run.
     balance_limit : float
         Up to where the other defects are no fault of the run, either.
+    boundary : tuple of str
+        What acts on each named part of the boundary.
     """
 
     solver: str
@@ -41,6 +43,7 @@ class Plan:
     warnings: tuple[str, ...] = ()
     open_balances: tuple[str, ...] = ()
     balance_limit: float = 1e-9
+    boundary: tuple[str, ...] = ()
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=1, ensure_ascii=False)
@@ -50,6 +53,7 @@ class Plan:
         lines = [f"solver     {self.solver}", f"geometry   {self.geometry}", f"unknowns   {self.unknowns} a step"]
         for title, rows in (
             ("equations", self.equations),
+            ("boundary", self.boundary),
             ("left out", self.dropped),
             ("because", self.reasons),
             ("warning", self.warnings),

@@ -22,7 +22,7 @@ from threadpoolctl import ThreadpoolController
 from multiphase import storage, vtkhdf
 from multiphase.errors import ParameterError, SolverError
 from multiphase.model import Model
-from multiphase.parameters import Scales
+from multiphase.parameters import Scales, from_table
 from multiphase.plan import Plan
 from multiphase.result import Result
 from multiphase.scene import OutputTable, Scene, TimeTable, differences, parse_scene
@@ -305,6 +305,7 @@ def make_scene(
     *,
     initial: Any = None,
     geometry: Any = None,
+    boundary: Any = None,
     t_end: float,
     save_at: Sequence[float] | None = None,
     save_every: float | None = None,
@@ -318,6 +319,10 @@ def make_scene(
         geometry = model.geometry(kind=geometry)
     elif isinstance(geometry, Mapping):
         geometry = model.geometry(**geometry)
+    if isinstance(initial, Mapping):
+        initial = from_table(model.initial, initial, "initial")
+    if isinstance(boundary, Mapping) and model.boundary is not None:
+        boundary = model.boundary.from_table(boundary)
     return Scene(
         name=model.name,
         model=model,
@@ -325,6 +330,7 @@ def make_scene(
         geometry=geometry if geometry is not None else model.geometry(),
         parameters=parameters if parameters is not None else model.parameters(),
         initial=initial if initial is not None else model.initial(),
+        boundary=boundary,
         time=TimeTable.make(t_end, save_at=save_at, save_every=save_every),
         solver=replace(model.solver(), **(solver or {})),
         output=OutputTable(fields=tuple(fields) if fields is not None else None),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,12 +30,14 @@ from multiphase.parameters import (
     validate,
 )
 
-TABLES = ("scene", "geometry", "parameters", "initial", "time", "solver", "plan", "output", "scales")
+TABLES = ("scene", "geometry", "parameters", "initial", "boundary", "time", "solver", "plan", "output", "scales")
 _SCENE_KEYS = ("model", "title", "based_on")
 _TIME_KEYS = ("end", "save_every", "save_at")
 INTERVALS = 50
 """Stored intervals where a scene says nothing about saving."""
 MOST_TIMES = 100_000
+_ROW = re.compile(r"\[\n(?: {8,}[-+.0-9e]+,\n)+ {4,}\]")
+"""A row of numbers in a list of rows, as the TOML writer puts it: a number a line. Texts hold no line breaks there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,6 +147,8 @@ class Scene:
     title : str
     geometry, parameters, initial, solver : dataclass
         Of the types that the model declares.
+    boundary : multiphase.model.NamedTables or None
+        Of the type that the model declares, without entries unless given; None for a model without such a table.
     time : TimeTable
     plan : PlanTable
     output : OutputTable
@@ -163,6 +168,7 @@ class Scene:
     geometry: Any
     parameters: Any
     initial: Any
+    boundary: Any = None
     time: TimeTable
     solver: Any
     plan: PlanTable = field(default_factory=PlanTable)
@@ -172,10 +178,13 @@ class Scene:
     source: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        for name in ("geometry", "parameters", "initial", "solver"):
+        if self.model.boundary is not None and self.boundary is None:
+            object.__setattr__(self, "boundary", self.model.boundary())
+        for name in ("geometry", "parameters", "initial", "boundary", "solver"):
             value, wanted = getattr(self, name), getattr(self.model, name)
-            if not isinstance(value, wanted):
-                raise ParameterError(name, f"expected {wanted.__name__} for the model {self.model.name}, but got {describe(value)}.")
+            if not isinstance(value, wanted or type(None)):
+                expected = wanted.__name__ if wanted else "nothing"
+                raise ParameterError(name, f"expected {expected} for the model {self.model.name}, but got {describe(value)}.")
         known = [quantity.name for quantity in self.model.quantities.values() if quantity.kind == "field"]
         for name in self.output.fields or ():
             if name not in known:
@@ -189,13 +198,18 @@ class Scene:
         """The resolved scene as nested tables: every default, preset value and change written out, data of files included."""
         head = {"model": self.model.name, "title": self.title} | ({"based_on": self.preset} if self.preset else {})
         tables = {"scene": head, "geometry": to_table(self.geometry), "parameters": to_table(self.parameters)}
-        tables |= {"initial": to_table(self.initial), "time": self.time.to_table(), "solver": to_table(self.solver)}
+        tables |= {"initial": to_table(self.initial)} | ({"boundary": self.boundary.to_table()} if self._has_parts else {})
+        tables |= {"time": self.time.to_table(), "solver": to_table(self.solver)}
         tables |= {"plan": to_table(self.plan), "output": to_table(self.output)}
         return tables | ({"scales": self.scales.to_table()} if self.scales else {})
 
+    @property
+    def _has_parts(self) -> bool:
+        return self.boundary is not None and not self.boundary.is_plain
+
     def to_toml(self) -> str:
         """The resolved scene as TOML; `parse_scene` of this text gives an equal scene."""
-        return tomli_w.dumps(self.to_table())
+        return _ROW.sub(_on_one_line, tomli_w.dumps(self.to_table()))
 
     def with_changes(self, **changes: Any) -> Scene:
         """A checked copy with some entries changed.
@@ -204,7 +218,8 @@ class Scene:
         ----------
         **changes
             Named after the attributes. A mapping changes only the keys it holds: ``with_changes(solver={"cells": 200})``,
-            ``with_changes(time={"end": 2.0})``; anything else takes the place of the whole entry.
+            ``with_changes(time={"end": 2.0})``, ``with_changes(boundary={"bone": {"spring": 2.0}, "skin": None})``, where None takes an
+            entry away; anything else takes the place of the whole entry.
         """
         names = [item.name for item in dataclasses.fields(self)]
         for name, value in changes.items():
@@ -216,6 +231,10 @@ class Scene:
                 changes[name] = self._changed_times(value)
             elif name == "scales":
                 changes[name] = Scales.from_table((self.scales.to_table() if self.scales else {}) | dict(value))
+            elif name == "boundary":
+                if self.boundary is None:
+                    raise ParameterError(name, f"the model {self.model.name} has no parts of a boundary; leave it out.")
+                changes[name] = self.boundary.with_changes(value)
             else:
                 changes[name] = replace(getattr(self, name), **value)
         return dataclasses.replace(self, **changes)
@@ -313,6 +332,8 @@ def parse_scene(text: str, *, name: str, sets: Sequence[str] = (), file: Path | 
     parts: dict[str, Any] = {
         key: from_table(kind, tables.get(key, {}), key, folder=folder, elsewhere=elsewhere) for key, kind in _parts(model).items()
     }
+    if model.boundary is not None:
+        parts["boundary"] = model.boundary.from_table(tables.get("boundary", {}), "boundary", folder)
     _check_keys("time", tables.get("time", {}), _TIME_KEYS, elsewhere)
     parts["time"] = _time_table(tables.get("time", {}), changed.get("time", {}))
     parts["scales"] = Scales.from_table(tables["scales"]) if tables.get("scales") else None
@@ -333,6 +354,9 @@ def differences(a: Scene, b: Scene) -> list[str]:
             shown, given = _shown(one.get(path)), _shown(other.get(path))
             values = f"{shown} in the file, {given} in the scene" if shown != given else "other numbers in the file than in the scene"
             found.append(f"{path}: {values}")
+    names = [list(table.get("boundary", {})) for table in (a.to_table(), b.to_table())]
+    if names[0] != names[1] and set(names[0]) == set(names[1]):
+        found.append(f"boundary: the parts come in the order {', '.join(names[0])} in the file, {', '.join(names[1])} in the scene")
     common = min(a.time.end, b.time.end)
     by_default = a.time.default_spacing and b.time.default_spacing
     before = [[time for time in scene.time.save_at if time < common] for scene in (a, b)]
@@ -350,10 +374,15 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
+def _on_one_line(row: re.Match[str]) -> str:
+    return " ".join(row[0].split()).replace("[ ", "[").replace(", ]", "]")
+
+
 def _shown(value: Any) -> str:
     if value is None:
         return "not set"
-    return describe(value) if isinstance(value, list) and len(value) > 6 else f"{value!r}".replace("'", '"')
+    is_long = isinstance(value, list) and (len(value) > 6 or any(isinstance(item, list) for item in value))
+    return describe(value) if is_long else f"{value!r}".replace("'", '"')
 
 
 def _positive(value: Any, path: str, meaning: str) -> float:
@@ -390,13 +419,21 @@ def _apply_set(tables: dict[str, Any], changed: dict[str, Any], item: str) -> No
 
 def _check_tables(tables: Mapping[str, Any]) -> None:
     """Refuse unknown tables, and values outside any table."""
+    known = [name for name in TABLES if name != "boundary" or _has_boundary(tables)]
     for name, value in tables.items():
-        if name not in TABLES:
-            hint = nearest(name, TABLES)
+        if name not in known:
+            hint = nearest(name, known)
             what = "there is no such table" if isinstance(value, dict) else "this key stands outside the tables of the scene"
-            raise ParameterError(name, f"{what}{hint} The tables are {', '.join(TABLES)}.")
+            raise ParameterError(name, f"{what}{hint} The tables are {', '.join(known)}.")
         if not isinstance(value, dict):
             raise ParameterError(name, f"expected a table, [{name}] on a line of its own with its keys below, but got {describe(value)}.")
+
+
+def _has_boundary(tables: Mapping[str, Any]) -> bool:
+    """Whether the model of a scene that is yet to be checked has a table [boundary]."""
+    head = tables.get("scene")
+    name = head.get("model") if isinstance(head, dict) else None
+    return isinstance(name, str) and name in model_names() and find_model(name).boundary is not None
 
 
 def _parts(model: Model) -> dict[str, type]:

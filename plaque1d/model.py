@@ -211,7 +211,7 @@ MODEL = Model(
 def simulate(
     parameters: PlaqueParameters | None = None,
     *,
-    initial: PlaqueInitial | None = None,
+    initial: PlaqueInitial | Mapping[str, Any] | None = None,
     t_end: float,
     geometry: str | PlaqueGeometry = "slab",
     solver: str = "auto",
@@ -238,7 +238,7 @@ def simulate(
     ----------
     parameters : PlaqueParameters, optional
         The preset `demo` by default.
-    initial : PlaqueInitial, optional
+    initial : PlaqueInitial or mapping, optional
         The intima at t = 0; that of the preset `demo` by default.
     t_end : float
         End of the run (dimensionless, as everything here).

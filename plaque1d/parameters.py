@@ -13,9 +13,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from multiphase.errors import ParameterError
-from multiphase.functions import PositionFunction, TimeSeries
+from multiphase.functions import PositionFunction
 from multiphase.model import Preset
 from multiphase.parameters import nearest, parameter, validate
+from multiphase.series import TimeSeries
 from plaque1d.equations import Number, drag_diffusivity, extra_stress, viscosity
 
 POSITIONS = 2001

@@ -27,10 +27,11 @@ def test_every_example_is_short_and_tested():
     found = {path.stem: len(path.read_text(encoding="utf-8").splitlines()) for path in EXAMPLES.glob("*.py")}
     assert set(found) == {
         "first_plaque", "drag_or_interfacial", "hdl_removes_modldl", "mouse_and_human", "stability_of_the_plaque", "plaque_in_a_vessel",
-        "first_tumour", "tumour_switches", "quarter_disk_2d", "glioma",
+        "first_tumour", "tumour_switches", "quarter_disk_2d", "glioma", "anisotropic_tumour", "tumour_from_image", "draw_tumour_mask",
     }  # fmt: skip
     assert max(found["first_plaque"], found["first_tumour"]) <= 30
     assert max(found["quarter_disk_2d"], found["glioma"] - 20) <= 40
+    assert max(found["anisotropic_tumour"], found["tumour_from_image"]) <= 60
     assert max(found.values()) <= 120
 
 
@@ -151,3 +152,38 @@ def test_glioma(capsys):
         stress = result["stress_magnitude"][-1]
         assert stress.max() > 4.0 * np.median(stress)
     assert Path("glioma.png").stat().st_size > 10_000
+
+
+def test_anisotropic_tumour(capsys):
+    example = _load("anisotropic_tumour")
+    results = example.main(cells=8)
+    plain, one_way, around = results.values()
+    said = capsys.readouterr().out
+    # 1.4731 of 20 and 1.4732 of 40 triangles to the radius
+    assert example.elongation(one_way)[-1] == pytest.approx(1.473, abs=2e-3)
+    assert "1.473 times as long as wide" in said
+    # round to what six sectors of 8 triangles do to a circle of fibres
+    assert np.abs(example.elongation(plain) - 1.0).max() < 1e-4
+    assert np.abs(example.elongation(around) - 1.0).max() < 1e-3
+    assert one_way["area"][-1] > 1.02 * plain["area"][-1]
+    # the slope between t = 0.4 and 1.2, where growth is small: what theory leaves out is half of e^2, e up to 0.1, of it
+    early = (one_way.t > 0.4) & (one_way.t < 1.2)
+    slope = np.polyfit(one_way.t[early], example.elongation(one_way)[early], 1)[0]
+    theory = np.diff(example.small_growth(np.array([0.0, 1.0])))[0]
+    assert slope == pytest.approx(theory, rel=0.07)
+    assert Path("anisotropic_tumour.png").stat().st_size > 10_000
+
+
+def test_tumour_from_image(capsys):
+    results = _load("tumour_from_image").main(cells=6)
+    free, bed = results["free"], results["against a bed"]
+    areas = [result["area"][-1] for result in (free, bed)]
+    # of 10 triangles to the radius: 8.666 and 8.479
+    assert areas == pytest.approx([8.67, 8.48], rel=5e-3)
+    right = free.mesh.points[:, 0] > 0.9
+    moved = [result["displacement"][-1][right, 0].mean() for result in (free, bed)]
+    assert moved[1] < 0.5 * moved[0]  # the springs hold the right side
+    said = capsys.readouterr().out
+    assert f"against a bed: {bed.size()}, area {bed['area'][0]:.3f} -> {bed['area'][-1]:.3f}" in said
+    for name in ("tumour_from_image", "tumour_against_a_bed"):
+        assert Path(f"{name}.png").stat().st_size > 10_000

@@ -10,9 +10,10 @@ Exact solutions are in `tumour.exact`.
 
 from __future__ import annotations
 
+from tumour.boundary import BoundaryPart, TumourBoundary
 from tumour.geometry import TumourGeometry
 from tumour.model import simulate
 from tumour.parameters import TumourInitial, TumourParameters
 from tumour.solver import TumourSolver
 
-__all__ = ["TumourGeometry", "TumourInitial", "TumourParameters", "TumourSolver", "simulate"]
+__all__ = ["BoundaryPart", "TumourBoundary", "TumourGeometry", "TumourInitial", "TumourParameters", "TumourSolver", "simulate"]

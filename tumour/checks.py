@@ -8,8 +8,11 @@ import numpy as np
 
 from multiphase.errors import ParameterError
 from multiphase.functions import PositionFunction
+from multiphase.series import TimeSeries
+from multiphase.tensors import TensorFunction
+from tumour.boundary import TumourBoundary
 from tumour.geometry import LARGEST, TumourGeometry
-from tumour.parameters import TumourInitial, TumourParameters
+from tumour.parameters import TISSUE, TumourInitial, TumourParameters
 from tumour.solver import TumourSolver
 
 POSITIONS = 2001
@@ -23,7 +26,8 @@ def check(parameters: TumourParameters, initial: TumourInitial, geometry: Tumour
     ------
     ParameterError
         At ``parameters.lambda_alpha`` where the material is unstable; at ``initial.alpha`` where the initial state leaves its range or
-        the body; at ``solver.method`` or ``solver.alpha_step`` where the formulation does not have them.
+        the body; at ``solver.method`` or ``solver.alpha_step`` where the formulation does not have them; at the parameters of a tissue that
+        differs from place to place or has fibres, ``parameters.stiffness`` and so on, in a radial body.
 
     Notes
     -----
@@ -39,6 +43,7 @@ def check(parameters: TumourParameters, initial: TumourInitial, geometry: Tumour
     """
     _check_sizes(parameters, initial, geometry)
     _check_moduli(parameters, geometry)
+    _check_tissue(parameters, geometry)
     if not geometry.plane:
         _check_fraction(initial, geometry.radius)
     if geometry.plane and solver.method != "mini":
@@ -66,6 +71,31 @@ def check(parameters: TumourParameters, initial: TumourInitial, geometry: Tumour
         )
 
 
+def check_boundary(boundary: TumourBoundary, geometry: TumourGeometry) -> None:
+    """Refuse named parts of the boundary of a radial body, on sides that slide, and with values that only a wrong unit explains."""
+    for part in boundary:
+        if not geometry.plane:
+            how = 'write dimension = "2d" in [geometry]' if geometry.kind in ("disk", "quarter_disk") else "take a body in two dimensions"
+            raise ParameterError(
+                part.path, f"the surface of a radial body is the same all round and has no parts; {how}, or leave them out."
+            )
+        for axis in "xy":
+            if part.side in (getattr(geometry, f"slide_{axis}") or ()):
+                raise ParameterError(
+                    f"{part.path}.side",
+                    f'the body slides on "{part.side}", by geometry.slide_{axis}, so it is no part of the free surface.',
+                )
+        for item in fields(part):
+            value = getattr(part, item.name)
+            listed = value.values if isinstance(value, TimeSeries) else (value,) if isinstance(value, float) else ()
+            largest = max(map(abs, listed), default=0.0)
+            if largest > LARGEST:
+                raise ParameterError(
+                    f"{part.path}.{item.name}",
+                    f"{largest:g} is beyond {LARGEST:g}; everything here is dimensionless, so choose other units.",
+                )
+
+
 def _check_moduli(parameters: TumourParameters, geometry: TumourGeometry) -> None:
     """Refuse a material that is unstable: see `check`."""
     mu, lam = parameters.moduli
@@ -84,6 +114,32 @@ def _check_moduli(parameters: TumourParameters, geometry: TumourGeometry) -> Non
         raise ParameterError("parameters.lambda_alpha", f"{lam:g} with mu_alpha = {mu:g} {why}; lambda_alpha must be {bound} here.")
 
 
+def _check_tissue(parameters: TumourParameters, geometry: TumourGeometry) -> None:
+    """Refuse a tissue that is not the same everywhere where the model has none, and Python functions that were sampled on another body."""
+    is_disk = geometry.kind in ("disk", "quarter_disk")
+    for name in parameters.varying:
+        function: PositionFunction | TensorFunction = getattr(parameters, name)
+        path = f"parameters.{name}"
+        if not geometry.plane and is_disk and not geometry.eulerian:
+            raise ParameterError(path, 'has a meaning in two dimensions only; write dimension = "2d" in [geometry], or leave it out.')
+        if not geometry.plane:
+            raise ParameterError(
+                path,
+                "only the elastic (Lagrangian) model in two dimensions has it; leave it out, or take a body of that model, such as "
+                'kind = "disk" with dimension = "2d" in [geometry].',
+            )
+        if function.is_sampled and not is_disk:
+            raise ParameterError(
+                path, "a Python function is sampled along the radius of a disk, and this body is none; give a formula in x, y or r."
+            )
+        if function.with_length(geometry.radius) != function:
+            raise ParameterError(
+                path,
+                f"the Python function was sampled on a body of another radius than {geometry.radius:g}; give "
+                f"parameters.within({geometry.radius:g}) instead.",
+            )
+
+
 def _check_sizes(parameters: TumourParameters, initial: TumourInitial, geometry: TumourGeometry) -> None:
     """Refuse sizes that only a wrong unit explains, and positions outside of the body."""
     for item in fields(parameters):
@@ -92,8 +148,13 @@ def _check_sizes(parameters: TumourParameters, initial: TumourInitial, geometry:
             raise ParameterError(
                 f"parameters.{item.name}", f"{value:g} is beyond {LARGEST:g}; everything here is dimensionless, so choose other units."
             )
-    for name in ("mu_alpha", "kappa"):
-        value = getattr(parameters, name)
+    for name in TISSUE:
+        largest = np.max(np.abs(getattr(parameters, name).listed), initial=0.0)
+        if largest > LARGEST:
+            raise ParameterError(f"parameters.{name}", f"{largest:g} is beyond {LARGEST:g}; it is a dimensionless factor or angle.")
+    for name in ("mu_alpha", "kappa", "stiffness", "permeability", "diffusivity"):
+        listed = getattr(parameters, name)
+        value = listed if isinstance(listed, float) else float(np.min(listed.listed, initial=1.0))
         if 0.0 < value < 1.0 / LARGEST:
             raise ParameterError(
                 f"parameters.{name}",
@@ -116,8 +177,8 @@ def _check_fraction(initial: TumourInitial, radius: float) -> None:
     if others:
         raise ParameterError(
             "initial.alpha",
-            f"the formula uses {', '.join(others)}, but fields of this body depend on the distance from its middle alone; use r and xi, or "
-            'write dimension = "2d" in [geometry] for a disk or quarter disk.',
+            f"{'a grid' if function.is_grid else 'the formula'} uses {', '.join(others)}, but fields of this body depend on the distance "
+            'from its middle alone; use r and xi, or write dimension = "2d" in [geometry] for a disk or quarter disk.',
         )
     if function.with_length(radius) != function:
         raise ParameterError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +14,10 @@ from multiphase.model import Model, Panel, Quantity
 from multiphase.parameters import from_table
 from multiphase.plan import Plan
 from multiphase.stepping import Tracker
-from tumour.checks import check
+from tumour.boundary import BoundaryPart, TumourBoundary
+from tumour.checks import check, check_boundary
 from tumour.geometry import FILE_KINDS, TumourGeometry
+from tumour.marks import marks_of
 from tumour.parameters import ELASTIC_FIELDS, VISCOUS_FIELDS, TumourInitial, TumourParameters
 from tumour.plan import plan_of
 from tumour.presets import PRESETS
@@ -64,6 +67,7 @@ _PANELS = (
     Panel("scalar", ("growth_rate", "doubling_time"), "Growth rate and doubling time"),
     Panel("scalar", ("hypoxic_fraction", "necrotic_fraction"), "Hypoxic and necrotic share", grid="triangles"),
     Panel("scalar", ("asymmetry",), "Departure from symmetry", grid="triangles"),
+    Panel("rest", (), "Tissue at rest"),
     Panel("maps", ("alpha",), "Cell fraction on the growing body"),
     Panel("map", ("displacement",), "Displacement"),
     Panel("map", ("alpha",), "Cell fraction"),
@@ -89,8 +93,17 @@ def _ring(geometry: Mapping[str, Any]) -> float | None:
 
 
 def _complete(scene: Scene) -> dict[str, Any]:
-    """The solver with what its defaults stand for on this body."""
-    return {"solver": scene.solver.within(scene.geometry)}
+    """The dimension that "auto" stands for where the body is round but what is in it or acts on it is not radial, and the solver with what
+    its defaults stand for on this body."""
+    geometry = scene.geometry
+    if geometry.dimension == "auto" and geometry.kind in ("disk", "quarter_disk") and not geometry.eulerian and not _is_radial(scene):
+        geometry = replace(geometry, dimension="2d")
+    return {"geometry": geometry, "solver": scene.solver.within(geometry)}
+
+
+def _is_radial(scene: Scene) -> bool:
+    """Whether the initial state, the tissue and the surface are such that the radial solver has all of it."""
+    return scene.parameters.is_plain and scene.boundary.is_plain and not scene.initial.alpha.names & {"x", "y", "theta"}
 
 
 def _check(scene: Scene) -> None:
@@ -99,15 +112,22 @@ def _check(scene: Scene) -> None:
         raise ParameterError("output.vtk", "a copy for ParaView is for bodies in two dimensions; export this one as .csv instead.")
     solver, end = scene.solver, scene.time.end
     check(scene.parameters, scene.initial, scene.geometry, solver)
+    check_boundary(scene.boundary, geometry)
     produced = VISCOUS_FIELDS if geometry.eulerian else ELASTIC_FIELDS
     for name in scene.output.fields or ():
         if name not in produced:
             raise ParameterError("output.fields", f'this scene has no field "{name}"; it has {", ".join(produced)}.')
     if geometry.plane:
-        from tumour.fem.bodies import body_of, check_fraction
+        from tumour.fem.bodies import body_of, check_fraction, check_tissue
 
+        if not scene.parameters.is_plain:
+            check_tissue(scene.parameters, body_of(geometry, solver.cells))
         if geometry.kind in FILE_KINDS or scene.initial.alpha.constant is None:
             check_fraction(scene.initial, body_of(geometry, solver.cells))
+        if not scene.boundary.is_plain:
+            from tumour.fem.surface import Surface
+
+            Surface(body_of(geometry, solver.cells), scene.boundary, scene.parameters)  # refuses what cannot be
     if solver.dt is not None and end / solver.dt > solver.max_steps:
         raise ParameterError(
             "solver.dt", f"{solver.dt:g} needs {end / solver.dt:.3g} steps to the end, more than max_steps = {solver.max_steps}."
@@ -121,7 +141,7 @@ def _trackers(scene: Scene) -> tuple[Tracker, ...]:
     from tumour.fem.bodies import body_of
     from tumour.fem.watch import Shape
 
-    uniform = not scene.initial.alpha.names & {"x", "y", "theta"}
+    uniform = _is_radial(scene)
     return (Shape(body_of(scene.geometry, scene.solver.cells), is_uniform=uniform),)
 
 
@@ -132,7 +152,7 @@ def _scheme(scene: Scene, plan: Plan) -> Any:
         from tumour.fem.bodies import body_of
         from tumour.fem.scheme import MiniScheme
 
-        return MiniScheme(scene.parameters, scene.initial, body_of(geometry, solver.cells), solver)
+        return MiniScheme(scene.parameters, scene.initial, body_of(geometry, solver.cells), solver, scene.boundary)
     if method == "fipy":
         from tumour.fipy_scheme import FipyScheme
 
@@ -229,15 +249,18 @@ MODEL = Model(
     ring=_ring,
     position="distance from the middle r",
     fronts=("hypoxic_radius", "necrotic_radius"),
+    boundary=TumourBoundary,
+    marks=marks_of,
 )
 
 
 def simulate(
     parameters: TumourParameters | None = None,
     *,
-    initial: TumourInitial | None = None,
+    initial: TumourInitial | Mapping[str, Any] | None = None,
     t_end: float,
     geometry: str | Mapping[str, Any] | TumourGeometry = "disk",
+    boundary: Mapping[str, BoundaryPart | Mapping[str, Any]] | TumourBoundary | None = None,
     solver: str = "auto",
     cells: int | None = None,
     rtol: float = 1e-4,
@@ -265,13 +288,17 @@ def simulate(
     ----------
     parameters : TumourParameters, optional
         The paper's values, with the mobility that follows from its equations, by default.
-    initial : TumourInitial, optional
+    initial : TumourInitial or mapping, optional
         The tumour at t = 0; a cell fraction of 0.8 by default.
     t_end : float
         End of the run (dimensionless, as everything here).
     geometry : {"disk", "quarter_disk", "sphere", "slab", "glioma"}, mapping or TumourGeometry
         ``TumourGeometry(kind="sphere", radius=2.0, formulation="eulerian")`` for viscous cells in a larger ball; a mapping holds the
         same keys: ``{"kind": "quarter_disk", "dimension": "2d"}``.
+    boundary : mapping of str to BoundaryPart or mapping, or TumourBoundary, optional
+        Two dimensions: named parts of the free surface and what acts on them,
+        ``{"bone": {"where": "y < -0.5", "displacement_x": 0, "displacement_y": 0, "p": "closed", "C": "closed"}}``. What no part claims
+        is free of traction, at p_out and C_out. Of what two parts prescribe at a point that they share, that of the first one holds.
     solver : {"auto", "lines", "fipy", "mini"}
         Of radial bodies the compiled method of lines ("auto"), or FiPy, which solves the Eulerian formulation only; in two dimensions
         MINI finite elements.
@@ -326,8 +353,12 @@ def simulate(
         geometry = TumourGeometry(kind=geometry)
     elif isinstance(geometry, Mapping):
         geometry = from_table(TumourGeometry, geometry, "geometry")
+    if isinstance(initial, Mapping):
+        initial = from_table(TumourInitial, initial, "initial")
     if isinstance(initial, TumourInitial) and isinstance(geometry, TumourGeometry):
         initial = initial.within(geometry.radius)
+    if isinstance(parameters, TumourParameters) and isinstance(geometry, TumourGeometry):
+        parameters = parameters.within(geometry.radius)
     settings = {
         "method": solver, "cells": cells, "rtol": rtol, "time_scheme": time_scheme, "dt": dt, "alpha_step": alpha_step,
         "max_steps": max_steps, "newton_tol": newton_tol, "linear": linear, "assembly": assembly,
@@ -337,6 +368,7 @@ def simulate(
         parameters,
         initial=initial,
         geometry=geometry,
+        boundary=boundary,
         t_end=t_end,
         save_at=save_at,
         save_every=save_every,

@@ -6,11 +6,11 @@ plenty of oxygen, oxygen in units of that outside, stresses in units of the cell
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 from multiphase.errors import ParameterError
-from multiphase.parameters import parameter, validate
+from multiphase.parameters import parameter, replace, validate
 from tumour.equations import MOBILITIES, critical_oxygen
 from tumour.presets import find_preset
 
@@ -20,6 +20,12 @@ VISCOUS_FIELDS = ("alpha", "C", "p", "u", "stress_magnitude")
 """What is stored in each formulation."""
 
 _PAPER = "paper, quarter disk"
+
+_PLANE = ("r", "xi", "x", "y", "theta")
+"""The names that functions of position may use: distance from the middle, over the radius; in two dimensions also plane coordinates."""
+
+TISSUE = ("stiffness", "permeability", "diffusivity", "consumption", "fibre_angle", "fibre_ratio", "fibre_stiffness")
+"""The parameters that may differ from place to place and, with fibres, from direction to direction, in two dimensions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +59,59 @@ class TumourParameters:
     C_hypoxic, C_necrotic : float
         Oxygen below which tissue counts as hypoxic, and as necrotic; "kinetic" is the oxygen C* at which cells at their natural fraction
         no longer multiply. They are what is measured by, and change nothing in the solution.
+    stiffness : PositionFunction
+        A factor m > 0 on mu_alpha and lambda_alpha.
+    permeability, diffusivity : TensorFunction
+        Symmetric positive definite tensors K, a factor on the fluid's mobility M(alpha), and D, the diffusivity of oxygen.
+    consumption : PositionFunction
+        A factor w >= 0 on the uptake of oxygen.
+    fibre_angle : PositionFunction
+        Angle of the fibres from the x axis in the body at rest, in radians: their direction is a_0 = (cos, sin).
+    fibre_ratio : PositionFunction
+        The cells' push along the fibres over that across, rho >= 0.
+    fibre_stiffness : PositionFunction
+        Stiffness k_f >= 0 of the fibres themselves.
+
+    Notes
+    -----
+    The last seven are functions of position in the body at rest and belong to the elastic model in two dimensions (see `check`). Each
+    is a number, a formula in x, y, r, theta and xi, a table over r, a grid of pixels or an image: see `PositionFunction`, and
+    `TensorFunction` for K and D. With F the deformation gradient, J = det F, |F a_0| the fibres' stretch, Sigma the contact stress and
+    the balances of cells and volume as in the paper, the stress per length at rest is
+
+        P = m (mu_alpha (F - F^-T) + lambda_alpha J (J - 1) F^-T) - (p + alpha Sigma) J F^-T
+            - (rho - 1) alpha Sigma J (F a_0) (x) a_0/|F a_0|^2 + 2 k_f (|F a_0|^2 - 1) (F a_0) (x) a_0,
+
+    where (x) is the dyadic product, and the flows per length at rest are
+
+        M(alpha) J U^-1 K U^-1 grad p   of the fluid,
+        J U^-1 D U^-1 grad C            of oxygen, whose uptake is w J Q alpha C/(1 + Q1_hat C).
+
+    *Fibres* are lines of the material: a_0 at rest becomes a = F a_0/|F a_0|. Which of its two senses an angle gives does not matter, as
+    a_0 enters as a_0 (x) a_0 alone. A grid of angles is interpolated as numbers, so let them run on from pixel to pixel rather than jump
+    by pi.
+
+    *The cells' push* is the Cauchy stress -alpha Sigma (I + (rho - 1) a (x) a): across the fibres it is the paper's alpha Sigma, along
+    them rho times that. The mechanics of active tissue knows two conventions for a stress along fibres. One takes the second Piola
+    stress T_a a_0 (x) a_0, which follows from the energy T_a (|F a_0|^2 - 1)/2; it is usual for heart muscle, since with an energy the
+    tangent is symmetric, and its force per area as it is depends on the deformation: T_a |F a_0|^2/J. The other takes the Cauchy
+    stress T a (x) a along the fibres as they are, with T that force per area itself. The second is used here, since the push of
+    cells, like the fluid's pressure, is a force per area as it is, and so that rho = 1 is the paper's push, the same in all directions, at
+    every deformation. The stress turns with the body (F -> Q F gives P -> Q P). It follows from no energy, unless rho = 1: alpha Sigma J
+    changes with the area while the stress along the fibres works on their stretch, so that the work around a closed path of
+    deformations is not 0. That is no fault: the cells spend energy of their own.
+
+    *K and D* turn with the tissue and keep their principal values. In the body as it is they are R K R^T and R D R^T, with the rotation
+    R of the polar decomposition F = R U; on the body at rest that gives J F^-1 (R K R^T) F^-T = J U^-1 K U^-1. K = I gives the
+    J F^-1 F^-T of the paper. K multiplies M(alpha), so the fluid still meets the more drag the more cells there are.
+
+    *Stiff fibres* follow the standard reinforcing model, with the energy k_f (|F a_0|^2 - 1)^2/2 per area at rest. Shortened fibres
+    buckle: against layers across them sliding over each other they resist as 2 k_f (|F a_0|^2 - 1), less than nothing as soon as |F a_0| <
+    1, and only the cells hold, while 2 k_f (1 - |F a_0|^2) < m mu_alpha. Below |F a_0| = 1/sqrt(3) they get weaker along themselves too.
+
+    *Where the push is too much.* Layers across the fibres hold against sliding while m mu_alpha + 2 k_f (|F a_0|^2 - 1) > (rho - 1)
+    alpha Sigma J/|F a_0|^2, whatever lambda_alpha (that is where fibres lie along a principal stretch; else there is something more
+    on the left). A body that grows freely and evenly keeps to that; one that is clamped or confined may not, and its run then ends.
     """
 
     mu_alpha: float = parameter(1.0, symbol="μ_α", low=0.0, low_open=True, source=_PAPER, doc="the shear modulus or viscosity mu_alpha")
@@ -88,6 +147,34 @@ class TumourParameters:
         doc="the oxygen C_necrotic below which tissue counts as necrotic",
     )  # fmt: skip
 
+    stiffness: Any = parameter(  # noqa: RUF009
+        1.0, symbol="m", kind="function", variables=_PLANE, low=0.0, low_open=True, source="1 in the paper",
+        doc="the stiffness, a factor on mu_alpha and lambda_alpha,",
+    )  # fmt: skip
+    permeability: Any = parameter(  # noqa: RUF009
+        1.0, symbol="K", kind="tensor", variables=_PLANE, low=0.0, low_open=True, source="1 in the paper",
+        doc="the permeability, a factor on the mobility,",
+    )  # fmt: skip
+    diffusivity: Any = parameter(  # noqa: RUF009
+        1.0, symbol="D", kind="tensor", variables=_PLANE, low=0.0, low_open=True, source="1 in the paper, by choice of units",
+        doc="the diffusivity of oxygen",
+    )  # fmt: skip
+    consumption: Any = parameter(  # noqa: RUF009
+        1.0, symbol="w", kind="function", variables=_PLANE, low=0.0, source="1 in the paper",
+        doc="the consumption, a factor on the uptake of oxygen,",
+    )  # fmt: skip
+    fibre_angle: Any = parameter(  # noqa: RUF009
+        0.0, symbol="θ_f", unit="rad", kind="function", variables=_PLANE, source="no fibres in the paper",
+        doc="the angle of the fibres from the x axis",
+    )  # fmt: skip
+    fibre_ratio: Any = parameter(  # noqa: RUF009
+        1.0, symbol="ρ", kind="function", variables=_PLANE, low=0.0, source="1 in the paper, the same push in all directions",
+        doc="the fibre ratio, the cells' push along the fibres over that across,",
+    )  # fmt: skip
+    fibre_stiffness: Any = parameter(  # noqa: RUF009
+        0.0, symbol="k_f", kind="function", variables=_PLANE, low=0.0, source="0 in the paper", doc="the stiffness of the fibres"
+    )
+
     table: ClassVar[str] = "parameters"
 
     def __post_init__(self) -> None:
@@ -104,6 +191,22 @@ class TumourParameters:
                 f"{self.table}.mobility_floor",
                 f'{self.mobility_floor:g} has no meaning with mobility = "{self.mobility}"; set it to 0, or write mobility = "printed".',
             )
+
+    @property
+    def varying(self) -> tuple[str, ...]:
+        """Names of those of the seven parameters of the tissue that are not at their defaults."""
+        defaults = {item.name: item.default for item in fields(self)}
+        return tuple(name for name in TISSUE if getattr(self, name) != defaults[name])
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the tissue is the paper's: the same everywhere and in all directions, without fibres."""
+        return not self.varying
+
+    def within(self, radius: float) -> TumourParameters:
+        """The same parameters on a body of another radius: Python functions are sampled again, the rest is as it was."""
+        sampled = {name: getattr(self, name) for name in TISSUE if getattr(self, name).is_sampled}
+        return replace(self, **{name: function.with_length(radius) for name, function in sampled.items()}) if sampled else self
 
     @property
     def contact(self) -> tuple[float, float, float, float]:
@@ -154,11 +257,12 @@ class TumourInitial:
     -----
     alpha may be a number, ``{"at": [...], "values": [...]}`` with positions from 0 (the centre) to the radius, a formula in r, the
     distance from the centre, and xi = r/radius, or a Python function of r or xi. A Python function is sampled at 2001 equally spaced
-    points of a body of radius 1; `within` samples it on another. In two dimensions a formula may also use x, y and the angle theta.
+    points of a body of radius 1; `within` samples it on another. In two dimensions a formula may also use x, y and the angle theta, and
+    alpha be a grid of pixels or an image.
     """
 
     alpha: Any = parameter(  # noqa: RUF009
-        0.8, symbol="α", kind="function", variables=("r", "xi", "x", "y", "theta"), low=0.0, low_open=True, high=1.0, high_open=True,
+        0.8, symbol="α", kind="function", variables=_PLANE, low=0.0, low_open=True, high=1.0, high_open=True,
         source=_PAPER, doc="the initial cell fraction alpha",
     )  # fmt: skip
 
@@ -169,9 +273,7 @@ class TumourInitial:
 
     def within(self, radius: float) -> TumourInitial:
         """The same functions on a body of another radius: a Python function is sampled again, the rest is as it was."""
-        made = TumourInitial(alpha=self.alpha)
-        object.__setattr__(made, "alpha", self.alpha.with_length(radius))
-        return made
+        return TumourInitial(alpha=self.alpha.with_length(radius))
 
     @classmethod
     def preset(cls, name: str) -> TumourInitial:

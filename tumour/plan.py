@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from multiphase.parameters import specifications
 from multiphase.plan import Plan
+from multiphase.tensors import TensorFunction
 from tumour.geometry import TumourGeometry
 from tumour.parameters import TumourParameters
 from tumour.presets import find_preset
@@ -48,15 +52,14 @@ def plan_of(scene: Scene) -> Plan:
 def _plane_plan(scene: Scene) -> Plan:
     """The plan of a body in two dimensions."""
     from tumour.fem.bodies import body_of
+    from tumour.fem.surface import Surface
 
     p: TumourParameters = scene.parameters
     geometry, solver = scene.geometry, scene.solver
     body = body_of(geometry, solver.cells)
+    surface = Surface(body, scene.boundary, p)
     quality = body.quality
     free = 5 * quality.nodes + 2 * quality.triangles
-    held = len(body.slide_x) + len(body.slide_y)
-    held += quality.nodes if p.kappa == 0.0 else len(body.surface)
-    held += quality.nodes if p.Q == 0.0 else len(body.surface)
     sliding = len({*body.slide_x, *body.slide_y})
     slides = f", slides on {sliding} points of its straight sides" if sliding else ""
     mesh = (
@@ -64,22 +67,25 @@ def _plane_plan(scene: Scene) -> Plan:
         f"least angle {quality.least_angle:.3g} degrees"
     )
     dropped = ["the bubbles of the displacement: condensed in each triangle"]
-    if not (body.slide_x.size and body.slide_y.size):
-        motions = "the shift along the sides" if slides else "rigid motions"
-        dropped.append(f"{motions}: the displacement is kept orthogonal to them; no force holds the body")
+    shifts, turns = surface.free_motions
+    if shifts.any():
+        motions = "rigid motions" if turns else f"the shift along {'xy'[int(np.argmax(shifts))]}"
+        dropped.append(f"{motions}: the displacement is kept orthogonal to {'them' if turns else 'it'}; no force holds the body")
     if p.kappa == 0.0:
         dropped.append("the flow of the fluid: kappa = 0 lets it flow freely at p = p_out, so that stresses balance at each moment")
-    if p.Q == 0.0:
-        dropped.append("the oxygen: Q = 0 makes it C_out everywhere")
+    if surface.has_uniform_oxygen:
+        dropped.append(f"the oxygen: {'Q' if p.Q == 0.0 else 'consumption'} = 0 makes it C_out everywhere")
     printed = solver.alpha_step == "as-printed"
     return Plan(
         solver="mini",
         geometry=f"{_SHAPES[geometry.kind]}, {mesh}{slides}",
-        equations=_plane_equations(p),
-        unknowns=free - held,
+        equations=_plane_equations(p, has_oxygen=not surface.has_uniform_oxygen),
+        unknowns=free - int(np.sum(surface.prescribed)),
         dropped=tuple(dropped),
         reasons=(
             "two dimensions: asked for" if geometry.dimension == "2d" else "two dimensions: the body is not round",
+            *((f"outline {body.origin}",) if body.origin else ()),
+            *_tissue(p),
             f"mobility {_mobility(p)}",
             "method mini: displacement with cubic bubbles, the rest linear; Newton's method with exact tangents, "
             f"{_TIME[solver.resolved[1]]}",
@@ -87,20 +93,50 @@ def _plane_plan(scene: Scene) -> Plan:
         warnings=_warnings(scene),
         open_balances=("defect_cells",) if printed else (),
         balance_limit=10.0 * solver.newton_tolerance * max(1.0, 1.0 / p.kappa if p.kappa > 0.0 else 1.0),
+        boundary=surface.describe(),
     )
 
 
-def _plane_equations(p: TumourParameters) -> tuple[str, ...]:
+def _plane_equations(p: TumourParameters, *, has_oxygen: bool) -> tuple[str, ...]:
     """One line for each equation that is solved, on the body at rest."""
+    m = "" if p.stiffness == 1.0 else "m "
     rows = [
-        ("momentum", "Div P = 0, P = mu (F - F^-T) + (lambda (J - 1) - p - alpha Sigma) J F^-T", "(2.22a)"),
+        ("momentum", f"Div P = 0, P = {m}mu (F - F^-T) + ({m}lambda (J - 1) - p - alpha Sigma) J F^-T", "(2.22a)"),
+        *_fibre_rows(p),
         ("cells", "(alpha J)_t = J q_alpha(alpha, C)", "(2.22b)"),
     ]
     if p.kappa > 0.0:
-        rows.append(("fluid", "J_t = Div(M(alpha) J F^-1 F^-T grad p)", "(2.22c)"))
-    if p.Q > 0.0:
-        rows.append(("oxygen", f"Div(J F^-1 F^-T grad C) = J {_uptake(p)}", "(2.22d)"))
+        rows.append(("fluid", f"J_t = Div(M(alpha) J {_pull_back(p.permeability, 'K')} grad p)", "(2.22c)"))
+    if has_oxygen:
+        w = "" if p.consumption == 1.0 else "w "
+        rows.append(("oxygen", f"Div(J {_pull_back(p.diffusivity, 'D')} grad C) = J {w}{_uptake(p)}", "(2.22d)"))
     return tuple(f"{name:<10}{equation:<74}  {number}".rstrip() for name, equation, number in rows)
+
+
+def _fibre_rows(p: TumourParameters) -> list[tuple[str, str, str]]:
+    """What fibres add to the stress."""
+    rows = []
+    if p.fibre_ratio != 1.0:
+        rows.append(("", "    - (rho - 1) alpha Sigma J (F a_0) (x) a_0/|F a_0|^2, rho = fibre_ratio", ""))
+    if p.fibre_stiffness != 0.0:
+        rows.append(("", "    + 2 k_f (|F a_0|^2 - 1) (F a_0) (x) a_0, k_f = fibre_stiffness", ""))
+    return rows
+
+
+def _pull_back(tensor: TensorFunction, symbol: str) -> str:
+    """What stands between J and a gradient."""
+    if tensor == 1.0:
+        return "F^-1 F^-T"
+    return f"{symbol} F^-1 F^-T" if tensor.is_isotropic else f"U^-1 {symbol} U^-1"
+
+
+def _tissue(p: TumourParameters) -> tuple[str, ...]:
+    """What is not the same everywhere and in all directions."""
+    if p.is_plain:
+        return ()
+    symbols = specifications(p)
+    given = ", ".join(f"{name} {symbols[name].symbol} = {getattr(p, name)!r}" for name in p.varying)
+    return (f"tissue: {given}",)
 
 
 def _radial_plan(scene: Scene) -> Plan:
@@ -225,7 +261,7 @@ def _warnings(scene: Scene) -> tuple[str, ...]:
 def _may_buckle(scene: Scene) -> bool:
     """Whether a run goes on to where the paper's disk buckles, with values near the paper's."""
     p, geometry = scene.parameters, scene.geometry
-    if geometry.eulerian or geometry.kind not in ("disk", "quarter_disk"):
+    if geometry.eulerian or geometry.kind not in ("disk", "quarter_disk") or not scene.boundary.is_plain:
         return False
     if not p.lambda_alpha < STEADY_LAMBDA or not scene.time.end > BUCKLING_TIME:
         return False

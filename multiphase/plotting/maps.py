@@ -16,21 +16,25 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from multiphase.model import Panel
+from multiphase.plotting.marks import BARS, PART_WIDTH, Bars, Sides, columns_of, legend_of
+from multiphase.plotting.spread import spread_over
 from multiphase.plotting.style import colour_map
-from multiphase.plotting.view import Array, Body, View, limits, spread_rows, time_texts
+from multiphase.plotting.view import ON_TRIANGLES, Array, View, limits, spread_rows, time_texts
 
 MAPS = 4  # times shown in a row of maps
 ARROWS = 200  # about as many on a map of a vector
 ARROW_STEPS = 1.5  # length of the longest arrow in distances between neighbours
+SMALL, SMALL_BARS = 0.7, 45  # on one of them: width of the parts of the surface over that on a larger map, and bars
 DECADES = 4  # that logarithmic colours span at most
 REST: Any = {"colors": "0.55", "linewidths": 0.9}  # the outline at rest
 EDGE: Any = {"colors": "black", "linewidths": 0.6}  # the outline as it is
 
 
 class Map:
-    """A field on the deformed body in smooth colours, with the outlines at rest (grey) and as it is (black).
+    """A field on the deformed body in smooth colours, with the outlines at rest (grey) and as it is (black), and what marks there are.
 
-    Colours, not values, are linear within a triangle: they are true to the scale where neighbouring points have similar values.
+    Marks are the parts of the surface and, on the field that films show, bars along the directions of the material. Colours, not
+    values, are linear within a triangle: they are true to the scale where neighbouring points have similar values.
 
     Parameters
     ----------
@@ -44,9 +48,11 @@ class Map:
         The stored times whose values the colours span.
     log : bool
         Colours by the logarithm, at most `DECADES` below the largest value; what is less has the lowest colour.
+    is_small : bool
+        Fewer bars and thinner lines.
     """
 
-    def __init__(self, view: View, name: str, axes: Axes, rows: Sequence[int], *, log: bool = False) -> None:
+    def __init__(self, view: View, name: str, axes: Axes, rows: Sequence[int], *, log: bool = False, is_small: bool = False) -> None:
         assert view.body is not None
         self.body, self.axes, self.label = view.body, axes, view.short_label(name)
         values = view.values[name]
@@ -60,6 +66,10 @@ class Map:
         axes.add_collection(LineCollection(self._edges(self.body.rest), capstyle="round", **REST), autolim=False)
         self.outline = LineCollection(self._edges(self.body.rest), capstyle="round", **EDGE)
         axes.add_collection(self.outline, autolim=False)
+        self.sides = Sides(axes, view.marks, SMALL * PART_WIDTH if is_small else PART_WIDTH)
+        self.bars: Bars | None = None
+        if view.marks.directions is not None and name == view.model.film:
+            self.bars = Bars(axes, self.body, view.marks.directions, SMALL_BARS if is_small else BARS)
         x, y = self.body.window(rows)
         unit = view.bracket("points")
         axes.set(aspect="equal", xlim=x, ylim=y, xlabel=f"x{unit}", ylabel=f"y{unit}")
@@ -78,6 +88,9 @@ class Map:
         colours = np.ma.masked_invalid(self._sizes(values))
         self.mesh.set_array(colours if self.floor is None else np.maximum(colours, self.floor))
         self.outline.set_segments(self._edges(positions))
+        self.sides.show(positions)
+        if self.bars is not None:
+            self.bars.show(positions)
 
     def add_bar(self) -> None:
         """A colour bar as high as the axes, with symbol and unit; a tip says that values below it are shown in the lowest colour."""
@@ -111,52 +124,6 @@ def _colours(values: Array, log: bool) -> tuple[Normalize, str]:
     return LogNorm(bottom, top), extend
 
 
-def spread_over(body: Body, positions: Array, values: Array, count: int) -> tuple[Array, Array, float] | None:
-    """About `count` places evenly spread over the body, the values there, and how far neighbours are apart.
-
-    Places are those of a lattice of equal triangles that lie within the body; values are linear within the triangles of the mesh.
-
-    Returns
-    -------
-    places, values : ndarray (places, 2), (places, ...)
-    step : float
-        None instead of the three for a body that holds no such place: without area, or all length.
-    """
-    corners = positions[body.triangles]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    twice = _cross(first, second)
-    area = 0.5 * float(np.sum(np.abs(twice)))
-    if not area > 0.0:
-        return None
-    step = float(np.sqrt(2.0 / np.sqrt(3.0) * area / count))
-    height = 0.5 * np.sqrt(3.0) * step
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    (left, bottom), (right, top) = low.min(axis=0), high.max(axis=0)
-    places, weights, triangles = [], [], []
-    for line, y in enumerate(np.arange(bottom + 0.5 * height, top, height)):
-        x = np.arange(left + (0.25 + 0.5 * (line % 2)) * step, right, step)
-        crossed = np.flatnonzero((low[:, 1] <= y) & (y <= high[:, 1]) & (twice != 0.0))
-        here = np.column_stack([x, np.full_like(x, y)])
-        offset = here[:, None, :] - corners[crossed, 0]
-        b, c = _cross(offset, second[crossed]) / twice[crossed], _cross(first[crossed], offset) / twice[crossed]
-        shares = np.stack([1.0 - b - c, b, c], axis=-1)
-        within = np.asarray(np.all(shares >= -1e-9, axis=-1))
-        hit = np.flatnonzero(within.any(axis=1))
-        which = within[hit].argmax(axis=1)
-        places.append(here[hit])
-        weights.append(shares[hit, which])
-        triangles.append(crossed[which])
-    if not sum(map(len, places)):
-        return None
-    there = values[body.triangles[np.concatenate(triangles)]]
-    share = np.concatenate(weights).reshape(*there.shape[:2], *[1] * (there.ndim - 2))
-    return np.concatenate(places), np.asarray((share * there).sum(axis=1)), step
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
 def draw_map(view: View, panel: Panel, axes: Axes) -> None:
     """The body at the last stored time."""
     assert view.body is not None
@@ -176,7 +143,7 @@ def draw_maps(view: View, panel: Panel, body: SubFigure, place: SubplotSpec) -> 
     grid = place.subgridspec(1, MAPS)
     for column, (row, text) in enumerate(zip(rows, time_texts(view.t[rows]), strict=True)):
         axes = body.add_subplot(grid[column])
-        shown = Map(view, name, axes, rows, log=panel.log)
+        shown = Map(view, name, axes, rows, log=panel.log, is_small=True)
         shown.show(view.body.positions(row), view.values[name][row])
         axes.set(xticks=[], xlabel=view.time_text(text))
         if column == 0:
@@ -193,9 +160,14 @@ def map_height(view: View, rows: Sequence[int], width: float) -> float:
     return float(np.clip(width * (top - bottom) / (right - left), 0.5 * width, 1.5 * width))
 
 
-def map_legend(view: View, body: SubFigure) -> None:
-    """Which time all maps show, above the panels, and what the lines in them are."""
-    lines = [Line2D([], [], color=style["colors"], linewidth=style["linewidths"]) for style in (REST, EDGE)]
-    (text,) = time_texts(view.t[-1:])
-    when = view.time_text(text)
-    body.legend(lines, ["outline at rest", f"at {when}"], loc="outside upper center", ncols=2, frameon=False)
+def map_legend(view: View, body: SubFigure, panels: Sequence[Panel]) -> None:
+    """Above the panels: which time single maps show, what the lines in all of them are, and the marks."""
+    lines, texts = [], []
+    if any(panel.kind == "map" for panel in panels):
+        lines = [Line2D([], [], color=style["colors"], linewidth=style["linewidths"]) for style in (REST, EDGE)]
+        (text,) = time_texts(view.t[-1:])
+        texts = ["outline at rest", f"at {view.time_text(text)}"]
+    more = legend_of(view.marks, bars=any(panel.names == (view.model.film,) for panel in panels if panel.kind in ON_TRIANGLES))
+    lines, texts = lines + more[0], texts + more[1]
+    if texts:
+        body.legend(lines, texts, loc="outside upper center", ncols=columns_of(texts), frameon=False)

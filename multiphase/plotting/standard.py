@@ -18,6 +18,7 @@ from multiphase.parameters import nearest
 from multiphase.plotting.files import checked_path, write_picture
 from multiphase.plotting.maps import MAPS, draw_map, draw_maps, map_height, map_legend
 from multiphase.plotting.panels import DRAW, profile_legend
+from multiphase.plotting.rest import draw_rest, rest_height
 from multiphase.plotting.ring import draw_rings
 from multiphase.plotting.style import STYLE, TITLE_WIDTH
 from multiphase.plotting.view import ON_A_LINE, ON_TRIANGLES, View, spread_rows, view_of
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".pdf", ".svg")
 IN_AXES = DRAW | {"map": draw_map}
-IN_ROWS = {"ring": draw_rings, "maps": draw_maps}
-KINDS = (*DRAW, "ring", *ON_TRIANGLES)
+IN_ROWS = {"ring": draw_rings, "maps": draw_maps, "rest": draw_rest}
+KINDS = (*DRAW, "ring", *ON_TRIANGLES, "rest")
 ONE_NAME = ("spacetime", "ring", *ON_TRIANGLES)
 ROW_HEIGHT, RING_HEIGHT = 2.35, 2.45  # inches
 RING_GAP = 0.08  # inches around the rows of a figure with rings
@@ -69,6 +70,8 @@ def _check_place(view: View, panel: Panel) -> None:
         raise ParameterError("panels", 'the domain of this result is flat, so it has no rings to draw; use the kind "spacetime".')
     if panel.kind in ON_A_LINE and view.result.mesh is not None:
         raise ParameterError("panels", f'this result has two dimensions, so it has no {panel.kind} to draw; use the kind "map".')
+    if panel.kind == "rest" and not view.marks.properties:
+        raise ParameterError("panels", "the body of this result is the same everywhere at rest, so there is nothing to draw of it.")
     if panel.kind in ON_TRIANGLES and view.result.mesh is None:
         raise ParameterError("panels", f'this result has one dimension, so it has no {panel.kind} to draw; use the kind "profile".')
     if panel.kind in ON_TRIANGLES and view.body is None:
@@ -79,10 +82,11 @@ def _check_place(view: View, panel: Panel) -> None:
 
 
 def _layout(panels: Sequence[Panel]) -> list[list[Panel]]:
-    """Panels by row: bodies by time, maps, then the others; two to a row, and rings and bodies by time in a row to themselves."""
+    """Panels by row: the body at rest, bodies by time, maps, then the others; two to a row, and bodies by time or at rest and rings in
+    a row to themselves."""
     rows: list[list[Panel]] = []
     open_row: list[Panel] = []
-    for panel in sorted(panels, key=lambda panel: {"maps": 0, "map": 1}.get(panel.kind, 2)):
+    for panel in sorted(panels, key=lambda panel: {"rest": 0, "maps": 1, "map": 2}.get(panel.kind, 3)):
         if panel.kind in IN_ROWS:
             rows.append([panel])
         elif len(open_row) == 1 and (open_row[0].kind == "map") == (panel.kind == "map"):
@@ -99,6 +103,8 @@ def _height(view: View, kind: str) -> float:
         return MAP_MARGIN + map_height(view, [len(view.t) - 1], MAP_WIDTH)
     if kind == "maps":
         return MAPS_MARGIN + map_height(view, spread_rows(view.t, MAPS), MAPS_WIDTH)
+    if kind == "rest":
+        return rest_height(view)
     return RING_HEIGHT if kind == "ring" else ROW_HEIGHT
 
 
@@ -149,8 +155,7 @@ def figure(result: Result, *, panels: Sequence[Panel] | None = None) -> Figure:
                 IN_AXES[panel.kind](view, panel, axes)
         if any(panel.kind == "profile" for panel in chosen):
             profile_legend(view, body)
-        if any(panel.kind == "map" for panel in chosen):
-            map_legend(view, body)
+        map_legend(view, body, chosen)
         picture.suptitle(textwrap.fill(view.title, TITLE_WIDTH), parse_math=False)
         picture.supxlabel(view.footer(), parse_math=False, fontsize=8, color="0.3")
     return picture

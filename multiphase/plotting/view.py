@@ -5,13 +5,14 @@ from __future__ import annotations
 import textwrap
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multiphase.errors import ParameterError
+from multiphase.marks import Marks
 from multiphase.model import Model, Panel, find_model
 from multiphase.parameters import Scales
 
@@ -72,6 +73,8 @@ class View:
         Where the domain is the radius of a round body, the radius at its inner end; positions are measured from there.
     body : Body or None
         The deformed triangles of a result in two dimensions that holds its displacement.
+    marks : Marks
+        What its pictures show besides the fields.
     """
 
     result: Result
@@ -82,6 +85,7 @@ class View:
     wall: Array | None
     inner: float | None = None
     body: Body | None = None
+    marks: Marks = field(default_factory=Marks)
 
     @property
     def t(self) -> Array:
@@ -112,6 +116,8 @@ class View:
         here = "line" if self.result.mesh is None else "triangles"
         if panel.grid not in ("", here):
             return None
+        if panel.kind == "rest":
+            return panel if self.body is not None and self.marks.properties else None
         if panel.kind == "scalar":
             names = tuple(name for name in panel.names if self._is_scalar(name))
             return replace(panel, names=names) if names else None
@@ -172,7 +178,7 @@ def view_of(result: Result) -> View:
     model = find_model(result.model)
     tables = tomllib.loads(result.scene)
     title = tables.get("scene", {}).get("title") or model.title
-    result = result.in_units()
+    given, result = result, result.in_units()
     x, wall = result.x, result.width()
     keep = np.isfinite(result.t)
     if result.mesh is not None and DISPLACEMENT in result.fields:
@@ -191,8 +197,9 @@ def view_of(result: Result) -> View:
         fields={name: values[keep] for name, values in result.fields.items()},
     )
     if x is None or wall is None:
-        fields = {} if result.mesh is None else result.fields
-        return View(result, model, str(title), result.scalars | fields, None, None, body=_body(result))
+        fields, body = {} if result.mesh is None else result.fields, _body(result)
+        marks = Marks() if body is None else model.marks(given)
+        return View(result, model, str(title), result.scalars | fields, None, None, body=body, marks=marks)
     x, wall = x[keep], wall[keep]
     edges = np.column_stack([np.zeros(len(x)), 0.5 * (x[:, 1:] + x[:, :-1]), wall])
     values = result.scalars | {name: field for name, field in result.fields.items() if field.shape == x.shape}

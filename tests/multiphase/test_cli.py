@@ -10,6 +10,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -230,6 +231,25 @@ def test_plan_in_words_and_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert plan["equations"]
     assert plan["reasons"]
     assert list(Path().iterdir()) == []
+
+
+PLANE = ["tumour-disk", "--set", "geometry.kind=disk", "--set", "geometry.dimension=2d", "--set", "solver.cells=4", "--set", "time.end=0.5"]
+BONE = ["--set", "boundary.bone.where=y < -0.5", "--set", "boundary.bone.spring=3"]
+
+
+def test_parts_of_a_boundary_by_set(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", *PLANE, *BONE]) == 0
+    assert "\nboundary   bone (8 edges, length 2.0" in capsys.readouterr().out
+    assert main(["plan", *PLANE, *BONE, "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["boundary"]) == 1
+    assert main(["run", *PLANE, *BONE, "--quiet", "-o", "bone.h5"]) == 0
+    scene = tomllib.loads(multiphase.load("bone.h5").scene)
+    assert (scene["boundary"]["bone"]["where"], scene["boundary"]["bone"]["spring"]) == ("y < -0.5", 3.0)
+    assert main(["run", *PLANE, *BONE, "--quiet", "-o", "bone.h5", "--resume"]) == 0
+    change = ["--set", "boundary.bone.spring=4"]
+    refused(capsys, ["run", *PLANE, *BONE, *change, "-o", "bone.h5", "--resume"], "boundary.bone.spring: 3.0 in the file, 4.0 in the scene")
+    refused(capsys, ["run", *PLANE, "--set", "boundary.bone.side=outer"], "boundary.bone.side", "Its sides are")
+    refused(capsys, ["run", "plaque", *BONE], "boundary: there is no such table")
 
 
 def test_info_in_words_and_json(capsys: pytest.CaptureFixture[str], result: Path) -> None:

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from multiphase.errors import ParameterError
-from multiphase.functions import PositionFunction, TimeSeries
+from multiphase.functions import PositionFunction
 from multiphase.parameters import Scale, Scales, from_table, nearest, parameter, replace, specifications, to_table, validate
+from multiphase.series import TimeSeries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,8 @@ import pytest
 from multiphase import scene as scene_module
 from multiphase.errors import ParameterError
 from multiphase.model import Model, Preset, Quantity
-from multiphase.parameters import Scale, Scales, parameter, validate
+from multiphase.parameters import Scale, Scales, from_table, parameter, to_table, validate
+from multiphase.run import make_scene
 from multiphase.scene import OutputTable, PlanTable, Scene, TimeTable, differences, load_scene, parse_scene, shipped_scenes
 
 
@@ -56,6 +57,43 @@ class Solver:
 
     def __post_init__(self) -> None:
         validate(self, self.table)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wall:
+    stiffness: float = parameter(0.0, symbol="k", low=0.0)
+    pull: Any = parameter(0.0, symbol="t", kind="series")  # noqa: RUF009
+    side: str | None = parameter(None, symbol="-", kind="word")
+    table: ClassVar[str] = "boundary"
+
+    def __post_init__(self) -> None:
+        validate(self, self.table)
+
+
+@dataclass(frozen=True)
+class Walls:
+    """A table of named tables, in order."""
+
+    walls: tuple[tuple[str, Wall], ...] = ()
+    table: ClassVar[str] = "boundary"
+
+    @classmethod
+    def from_table(cls, table: Any, path: str = "boundary", folder: Path | None = None) -> Walls:
+        made = {name: wall if isinstance(wall, Wall) else from_table(Wall, wall, f"{path}.{name}") for name, wall in table.items()}
+        return cls(tuple(made.items()))
+
+    def to_table(self) -> dict[str, dict[str, Any]]:
+        return {name: to_table(wall) for name, wall in self.walls}
+
+    def with_changes(self, changes: Any) -> Walls:
+        table: dict[str, Any] = self.to_table()
+        for name, change in changes.items():
+            table[name] = {**table.get(name, {}), **change} if change is not None else None
+        return self.from_table({name: wall for name, wall in table.items() if wall is not None})
+
+    @property
+    def is_plain(self) -> bool:
+        return not self.walls
 
 
 def check(scene: Scene) -> None:
@@ -406,3 +444,85 @@ def test_differences() -> None:
     ]
     other = long.with_changes(initial={"n": {"at": list(range(9)), "values": [1] * 9}})
     assert differences(long, other) == ["initial.n.values: other numbers in the file than in the scene"]
+
+
+# -- Tables of named tables ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def walled(monkeypatch: pytest.MonkeyPatch) -> Model:
+    """The toy model with a table [boundary]."""
+    model = replace(MODEL, boundary=Walls)
+    monkeypatch.setattr(scene_module, "find_model", lambda name: model)
+    return model
+
+
+def test_without_named_tables() -> None:
+    """A model that declares none refuses the table, as any unknown one."""
+    error = refusal("[boundary.left]\nstiffness = 1")
+    assert error.path == "boundary"
+    assert "there is no such table. The tables are scene, geometry, parameters, initial, time, solver" in str(error)
+    assert parse().boundary is None
+    assert "boundary" not in parse().to_table()
+    with pytest.raises(ParameterError, match="has no parts of a boundary"):
+        parse().with_changes(boundary={"left": {"stiffness": 1.0}})
+    with pytest.raises(ParameterError, match="boundary: expected nothing for the model toy"):
+        parse().with_changes(boundary=Walls())
+
+
+@pytest.mark.usefixtures("walled")
+def test_named_tables() -> None:
+    assert parse().boundary == Walls()
+    assert "boundary" not in parse().to_table()  # a file without it is as it was
+    scene = parse("[boundary.left]\nstiffness = 2\n[boundary.right]\npull = { times = [0, 1], values = [0, 3] }\n")
+    assert scene.boundary == Walls((("left", Wall(stiffness=2.0)), ("right", Wall(pull={"times": [0, 1], "values": [0, 3]}))))
+    assert scene != parse()
+    again = parse_scene(scene.to_toml(), name="again")
+    assert again == scene
+    assert differences(scene, again) == []
+    assert refusal("[boundary.left]\nstifness = 1").path == "boundary.left.stifness"
+    assert 'did you mean "boundary"?' in str(refusal("[boundry.left]\nstiffness = 1"))
+
+
+@pytest.mark.usefixtures("walled")
+def test_set_in_named_tables() -> None:
+    text = '[boundary.left]\nstiffness = 2\nside = "a"\n'
+    scene = parse(text, "boundary.left.stiffness=3", "boundary.new-1.pull={times=[0,1],values=[0,3]}", "boundary.new-1.side=b b")
+    assert scene.boundary == Walls(
+        (("left", Wall(stiffness=3.0, side="a")), ("new-1", Wall(pull={"times": [0, 1], "values": [0, 3]}, side="b b")))
+    )
+    assert parse("", "boundary.left.stiffness=3").boundary.walls[0][1].stiffness == 3.0
+    assert "expected a table, [boundary.left]" in str(refusal("", "boundary.left=3"))
+    assert "boundary.left.stiffness is 2, not a table" in str(refusal(text, "boundary.left.stiffness.x=3"))
+    assert differences(parse(text), parse(text, "boundary.left.stiffness=3")) == [
+        "boundary.left.stiffness: 2.0 in the file, 3.0 in the scene"
+    ]
+
+
+@pytest.mark.usefixtures("walled")
+def test_changes_of_named_tables() -> None:
+    scene = parse('[boundary.left]\nstiffness = 2\nside = "a"\n')
+    changed = scene.with_changes(boundary={"left": {"stiffness": 3.0}, "right": {"side": "b"}})
+    assert changed.boundary == Walls((("left", Wall(stiffness=3.0, side="a")), ("right", Wall(side="b"))))
+    assert changed.with_changes(boundary={"left": None}).boundary == Walls((("right", Wall(side="b")),))
+    assert scene.with_changes(boundary=Walls()).boundary == Walls()
+    assert scene.with_changes(boundary=None).boundary == Walls()
+    with pytest.raises(ParameterError, match="expected Walls for the model toy"):
+        scene.with_changes(boundary=Wall())
+
+
+@pytest.mark.usefixtures("walled")
+def test_the_order_of_named_tables_counts() -> None:
+    texts = ["[boundary.left]\nstiffness = 2\n", "[boundary.right]\nstiffness = 2\n"]
+    one, other = parse("".join(texts)), parse("".join(texts[::-1]))
+    assert differences(one, other) == ["boundary: the parts come in the order left, right in the file, right, left in the scene"]
+    assert parse_scene(other.to_toml(), name="again").boundary == other.boundary
+
+
+def test_named_tables_made_in_python(walled: Model) -> None:
+    made = make_scene(walled, None, t_end=2.0, boundary={"left": {"stiffness": 2.0}, "right": Wall(side="b")})
+    assert made.boundary == Walls((("left", Wall(stiffness=2.0)), ("right", Wall(side="b"))))
+    assert make_scene(walled, None, t_end=2.0, boundary=made.boundary).boundary == made.boundary
+    assert make_scene(walled, None, t_end=2.0).boundary == Walls()
+    with pytest.raises(ParameterError, match="boundary: expected nothing for the model toy"):
+        make_scene(MODEL, None, t_end=2.0, boundary={"left": {"stiffness": 2.0}})

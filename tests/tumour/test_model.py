@@ -27,8 +27,8 @@ from tumour import TumourGeometry, TumourInitial, TumourParameters, TumourSolver
 from tumour.model import MODEL
 from tumour.observation import scalar_names
 
-SCENES = ("tumour-disk", "tumour-eulerian", "tumour-glioma", "tumour-glioma-stiff", "tumour-slab", "tumour-sphere")
-RADIAL = tuple(name for name in SCENES if "glioma" not in name)
+SCENES = ("tumour-disk", "tumour-eulerian", "tumour-fibres", "tumour-glioma", "tumour-glioma-stiff", "tumour-slab", "tumour-sphere")
+RADIAL = tuple(name for name in SCENES if "glioma" not in name and "fibres" not in name)
 ELASTIC = {"alpha", "C", "p", "displacement", "J", "stress_magnitude"}
 VISCOUS = {"alpha", "C", "p", "u", "stress_magnitude"}
 SMALL = ["--set", "solver.cells=20", "--set", "time.end=6", "--set", "time.save_every=2"]
@@ -48,7 +48,7 @@ def grown(**changes: Any) -> Result:
 
 def test_the_scenes_that_ship() -> None:
     assert tuple(name for name, scene in shipped_scenes().items() if scene.model == "tumour") == SCENES
-    disk, eulerian, glioma, stiff, slab, sphere = (load_scene(name) for name in SCENES)
+    disk, eulerian, fibres, glioma, stiff, slab, sphere = (load_scene(name) for name in SCENES)
     assert [scene.geometry.kind for scene in (disk, eulerian, slab, sphere)] == ["quarter_disk", "sphere", "slab", "sphere"]
     assert disk.parameters == TumourParameters.preset("paper")
     assert disk.parameters.mobility == "printed"
@@ -63,6 +63,10 @@ def test_the_scenes_that_ship() -> None:
         assert (scene.geometry.kind, scene.geometry.radius, scene.time.end) == ("glioma", 0.39, 100.0)
         assert scene.solver == TumourSolver(method="mini", cells=20)
         assert MODEL.plan(scene).warnings == ()
+    assert fibres.parameters == TumourParameters(lambda_alpha=1.0, fibre_angle=0.5, fibre_ratio=2.0)
+    assert (fibres.geometry.kind, fibres.geometry.plane, fibres.time.end) == ("disk", True, 20.0)
+    assert fibres.solver == TumourSolver(method="mini", cells=20)
+    assert MODEL.plan(fibres).warnings == ()
 
 
 def test_commented_values_of_the_disk_scene_are_the_presets() -> None:
@@ -110,6 +114,15 @@ def test_the_comments_of_the_scenes_hold(name: str) -> None:
     else:
         assert (hypoxic, necrotic) == (40.0, 54.0)
     assert result["necrotic_fraction"][-1] > 0.15
+
+
+def test_the_comments_of_the_scene_with_fibres_hold() -> None:
+    """How much longer than wide the body gets, and how much larger than without fibres."""
+    result, plain = (run(load_scene("tumour-fibres", ["solver.cells=10", *sets])) for sets in ([], ["parameters.fibre_ratio=1"]))
+    c, s = np.cos(0.5), np.sin(0.5)
+    along, across = np.ptp(result.positions(-1) @ [[c, -s], [s, c]], axis=0)
+    assert along / across == pytest.approx(3.0, abs=0.01)
+    assert result["area"][-1] / plain["area"][-1] == pytest.approx(1.12, abs=0.005)
 
 
 # -- the plan ---------------------------------------------------------------------------------------------------------
@@ -381,7 +394,7 @@ def test_every_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
         (["solver.method=fipy"], ("solver.method", "Eulerian")),
         (["geometry.dimension=2d", "solver.method=lines"], ("solver.method", "mini")),
         (["solver.method=mini"], ("solver.method", 'dimension = "2d"')),
-        (["initial.alpha=0.8 + 0.01*x"], ("initial.alpha", "uses x")),
+        (["initial.alpha=0.8 + 0.01*x", "geometry.dimension=radial"], ("initial.alpha", "uses x")),
         (["output.vtk=true"], ("output.vtk", ".csv")),
         (["parameters.lamda_alpha=1"], ("parameters.lamda_alpha", "lambda_alpha")),
         (["geometry.kind=annulus"], ("geometry.kind", '"sphere"')),

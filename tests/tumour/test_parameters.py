@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from multiphase.errors import ParameterError
 from multiphase.parameters import from_table, replace, specifications, to_table
+from multiphase.scene import differences, parse_scene
 from tumour import equations as eq
 from tumour.checks import check
 from tumour.geometry import TumourGeometry
-from tumour.parameters import TumourInitial, TumourParameters
+from tumour.parameters import TISSUE, TumourInitial, TumourParameters
 from tumour.presets import PRESETS, find_preset
 from tumour.solver import TumourSolver
 
 DEFAULTS = {
     "mu_alpha": 1.0, "lambda_alpha": 0.0, "kappa": 1.0, "mobility": "darcy", "mobility_floor": 0.0, "gamma": 1.0, "alpha_star": 0.8,
     "alpha_min": 0.8, "sigma_width": 0.0, "s1": 10.0, "s2": 0.5, "s3": 0.5, "s4": 10.0, "Q": 0.5, "Q1_hat": 0.0, "C_out": 1.0, "p_out": 0.0,
-    "C_hypoxic": 0.5, "C_necrotic": "kinetic",
+    "C_hypoxic": 0.5, "C_necrotic": "kinetic", "stiffness": 1.0, "permeability": 1.0, "diffusivity": 1.0, "consumption": 1.0,
+    "fibre_angle": 0.0, "fibre_ratio": 1.0, "fibre_stiffness": 0.0,
 }  # fmt: skip
+
+OTHERS: dict[str, Any] = {
+    "stiffness": "1 + x**2", "permeability": {"along": 2.0, "across": "1 + r"}, "diffusivity": {"xx": 1.0, "yy": 2.0, "xy": 0.5},
+    "consumption": {"at": [0.0, 1.0], "values": [1.0, 0.0]}, "fibre_angle": "theta + pi/2", "fibre_ratio": 0.0,
+    "fibre_stiffness": {"pixel": 1.0, "values": [[0.0, 1.0], [2.0, 3.0]]},
+}  # fmt: skip
+"""A tissue that differs from the paper's in each of the seven."""
+
+DISK = {"kind": "disk", "dimension": "2d"}
 
 
 def check_all(
@@ -97,6 +110,11 @@ def test_the_kinetics_of_ward_and_king() -> None:
         ("alpha_min", 1.1, "from 0 to 1"), ("sigma_width", -0.1, "from 0 to 1"), ("s1", -1, "of 0 or more"), ("s2", -1, "of 0 or more"),
         ("s3", -1, "of 0 or more"), ("s4", -1, "of 0 or more"), ("Q", -1, "of 0 or more"), ("Q1_hat", -1, "of 0 or more"),
         ("C_out", -1, "of 0 or more"), ("p_out", float("inf"), "finite"), ("lambda_alpha", "soft", "soft"), ("s2", None, "nothing"),
+        ("stiffness", 0, "greater than 0"), ("stiffness", {"at": [0, 1], "values": [1, 0]}, "greater than 0"), ("stiffness", "z", "uses z"),
+        ("stiffness", {"pixel": 1, "values": [[1, -1]]}, "-1 is not allowed; the stiffness"), ("consumption", -1, "of 0 or more"),
+        ("fibre_angle", float("nan"), "finite"), ("fibre_ratio", -0.1, "of 0 or more"), ("fibre_stiffness", -1, "of 0 or more"),
+        ("permeability", 0, "greater than 0"), ("diffusivity", {"xx": 1, "yy": 1, "xy": 2}, "not positive definite"),
+        ("permeability", [[1, 0], [0, 1]], "along = "), ("fibre_ratio", None, "nothing"),
     ],
 )  # fmt: skip
 def test_parameters_refused(name: str, value: Any, words: str) -> None:
@@ -259,3 +277,122 @@ def test_a_contact_stress_that_jumps_up_is_refused():
     assert caught.value.path == "parameters.alpha_min"
     TumourParameters(alpha_min=0.9, sigma_width=0.02)
     TumourParameters(alpha_min=0.9, gamma=0.0)
+
+
+def test_a_tissue_that_differs_from_the_papers() -> None:
+    plain = TumourParameters()
+    assert plain.is_plain
+    assert plain.varying == ()
+    assert TumourParameters(stiffness=1, fibre_angle=0).is_plain
+    assert tuple(OTHERS) == TISSUE
+    for name, value in OTHERS.items():
+        changed = replace(plain, **{name: value})
+        assert not changed.is_plain
+        assert changed.varying == (name,)
+        assert to_table(changed) == DEFAULTS | {name: value}
+        assert replace(changed, **{name: DEFAULTS[name]}) == plain
+    every = TumourParameters(**OTHERS)
+    assert every.varying == TISSUE
+    assert to_table(every) == DEFAULTS | OTHERS
+    assert from_table(TumourParameters, to_table(every), "parameters") == every == pickle.loads(pickle.dumps(every))
+    assert hash(every) == hash(TumourParameters(**OTHERS))
+
+
+def test_a_tissue_belongs_to_the_elastic_model_in_two_dimensions() -> None:
+    for name, value in OTHERS.items():
+        tissue = TumourParameters(**{name: value})
+        for shape in (DISK, {"kind": "quarter_disk", "dimension": "2d"}, {"kind": "glioma"}):
+            check_all(tissue, None, TumourSolver(method="mini"), **shape)
+        for shape, words in (
+            ({"kind": "disk"}, 'write dimension = "2d" in [geometry]'),
+            ({"kind": "quarter_disk", "dimension": "radial"}, 'write dimension = "2d" in [geometry]'),
+            ({"kind": "sphere"}, "only the elastic (Lagrangian) model in two dimensions"),
+            ({"kind": "slab"}, "only the elastic (Lagrangian) model in two dimensions"),
+            ({"kind": "disk", "formulation": "eulerian"}, "only the elastic (Lagrangian) model in two dimensions"),
+        ):
+            error = refusal(tissue, **shape)
+            assert error.path == f"parameters.{name}"
+            assert words in str(error)
+    for kind in ("slab", "disk", "sphere"):
+        check_all(TumourParameters(stiffness=1.0, permeability=1), kind=kind)
+
+
+def test_python_functions_of_the_tissue_belong_to_the_body_they_were_sampled_on() -> None:
+    mini = TumourSolver(method="mini")
+    tissue = TumourParameters(stiffness=lambda r: 1.0 + r, permeability={"along": lambda xi: 1.0 + xi, "across": 1.0}, Q=2.0)
+    check_all(tissue, None, mini, **DISK)
+    error = refusal(tissue, None, mini, radius=3.0, **DISK)
+    assert (error.path, "parameters.within(3)" in str(error)) == ("parameters.stiffness", True)
+    larger = tissue.within(3.0)
+    check_all(larger, None, mini, radius=3.0, **DISK)
+    place = {"r": np.array([3.0]), "xi": np.array([1.0])}
+    assert larger.stiffness(**place) == pytest.approx(4.0, rel=1e-15)
+    assert larger.permeability(0.0, **place)[0].tolist() == [2.0, 1.0, 0.0]
+    assert larger.Q == 2.0
+    changed = replace(larger, Q=1.0)  # keeps the samples
+    assert changed.stiffness == larger.stiffness != tissue.stiffness
+    check_all(changed, None, mini, radius=3.0, **DISK)
+    error = refusal(tissue, None, mini, kind="glioma")
+    assert (error.path, "this body is none" in str(error)) == ("parameters.stiffness", True)
+    plain = TumourParameters(stiffness="1 + r")
+    assert plain.within(2.0) is plain
+
+
+def test_sizes_of_a_tissue_that_only_a_mistake_explains() -> None:
+    mini = TumourSolver(method="mini")
+    for name, value in (
+        ("stiffness", 1e13), ("stiffness", 1e-13), ("fibre_angle", -1e13), ("fibre_stiffness", {"pixel": 1.0, "values": [[1.0, 1e13]]}),
+        ("permeability", 1e13), ("permeability", {"along": 1.0, "across": 1e13}), ("diffusivity", 1e-13), ("permeability", 1e-13),
+    ):  # fmt: skip
+        error = refusal(TumourParameters(**{name: value}), None, mini, **DISK)
+        assert error.path == f"parameters.{name}"
+        assert "1e" in str(error)
+    check_all(TumourParameters(consumption=0.0, fibre_ratio=0.0, stiffness="1 + x"), None, mini, **DISK)
+
+
+SCENE = """
+[scene]
+model = "tumour"
+[geometry]
+dimension = "2d"
+[time]
+end = 1.0
+[parameters]
+stiffness = { image = "k.png", pixel = 0.25, low = 0.2, high = 1.5 }
+permeability = { along = 2, across = { image = "k.png", pixel = 0.25, low = 1, high = 2 } }
+"""
+
+
+def test_a_scene_with_images_is_stored_with_their_values(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    Image.fromarray(rng.integers(0, 256, (10, 12), dtype=np.uint8)).save(tmp_path / "k.png")
+    scene = parse_scene(SCENE, name="x", file=tmp_path / "x.toml")
+    assert scene.parameters.stiffness.is_grid
+    text = scene.to_toml()
+    assert "k.png" not in text
+    assert max(map(len, text.splitlines())) < 150
+    rows = [line for line in text.splitlines() if line.startswith("    [") and line.endswith("],")]
+    assert len(rows) == 2 * 10  # a line for each row of pixels
+    assert [float(value) for value in rows[0].strip(" [],").split(", ")] == scene.parameters.stiffness.to_table()["values"][0]
+    again = parse_scene(text, name="x", file=tmp_path / "elsewhere" / "x.toml")
+    assert again == scene
+    assert differences(again, scene) == []
+    other = again.with_changes(parameters={"stiffness": {"pixel": 0.3, "values": scene.parameters.stiffness.to_table()["values"]}})
+    assert differences(again, other) == ["parameters.stiffness.pixel: 0.25 in the file, 0.3 in the scene"]
+    one = again.parameters.stiffness.to_table()
+    one["values"][3][4] += 0.1
+    (line,) = differences(again, again.with_changes(parameters={"stiffness": one}))
+    assert line == "parameters.stiffness.values: other numbers in the file than in the scene"
+    few, others = ({"pixel": 1.0, "values": [[value] * 40] * 4} for value in (1.0, 2.0))
+    (line,) = differences(again.with_changes(parameters={"stiffness": few}), again.with_changes(parameters={"stiffness": others}))
+    assert line == "parameters.stiffness.values: other numbers in the file than in the scene"
+
+
+def test_scenes_stored_before_there_were_tissues_are_the_same_scenes() -> None:
+    scene = parse_scene('scene.model = "tumour"\ntime.end = 1.0', name="x")
+    lines = scene.to_toml().splitlines()
+    old = [line for line in lines if line.split(" = ")[0] not in TISSUE]
+    assert len(lines) - len(old) == len(TISSUE)
+    stored = parse_scene("\n".join(old), name="x")
+    assert stored == scene
+    assert differences(stored, scene) == []

@@ -17,8 +17,25 @@ ROWS = 11
 and grad phi of the oxygen."""
 
 
+STIFFNESS, PERMEABILITY, DIFFUSIVITY, CONSUMPTION, FIBRE, PUSH, REINFORCEMENT = 0, 1, 4, 7, 8, 10, 11
+"""Where a row of tissue has the factor on both moduli; permeability and diffusivity (xx, yy, xy each); the factor on the uptake; the
+direction of the fibres (two); the push along them over that across, less 1; their stiffness."""
+COEFFICIENTS = 12
+"""Numbers in a row of tissue."""
+
+
 class Data(NamedTuple):
-    """What the kernel needs of one scene."""
+    """What the kernel needs of one scene: constants, and what varies with the place.
+
+    Attributes
+    ----------
+    tissue : (rows, COEFFICIENTS) array
+        One row for all of the body, or one for each quadrature point of each triangle.
+    stride : int
+        0 with one row, else 1.
+    tensors, fibres : bool
+        Whether any permeability or diffusivity has a direction; whether there are fibres that push or resist.
+    """
 
     mu: float
     lam: float
@@ -36,6 +53,10 @@ class Data(NamedTuple):
     law: int
     floor: float
     printed: bool
+    tissue: Array
+    stride: int
+    tensors: bool
+    fibres: bool
 
 
 class Pattern(NamedTuple):

@@ -1,21 +1,16 @@
-r"""The elastic tumour on triangles: residual and tangent of every element, compiled.
+r"""The elastic tumour on triangles: residual and tangent of all elements, compiled.
 
 Total Lagrangian, (2.22). On the triangles of the body at rest the displacement d is in the MINI element (linear, with a cubic bubble in
-each triangle) and alpha, p, C are continuous and linear. With ``F = I + grad d``, ``J = det F``, ``A = J F^-T`` (the cofactor, linear in F)
-and a step of size tau from a past whose moments are known, the discrete equations are, for all test functions v and phi,
+each triangle) and alpha, p, C are continuous and linear. With ``F = I + grad d``, ``J = det F`` and a step of size tau from a past whose
+moments are known, the discrete equations are, for all test functions v and phi,
 
-    momentum   (P, grad v) = 0,      P = mu F + g A,     g = lambda (J - 1) - mu/J - p - alpha Sigma
+    momentum   (P, grad v) = <traction, v>
     cells      (alpha J, phi) - tau (J q_alpha, phi) = past moment of alpha J
-    fluid      (J, phi) + tau (M A^T A grad p / J, grad phi) = past moment of J
-    oxygen     (A^T A grad C / J, grad phi) + (J U(alpha, C), phi) = 0
+    fluid      (J, phi) + tau (M J F^-1 k F^-T grad p, grad phi) = past moment of J
+    oxygen     (J F^-1 k F^-T grad C, grad phi) + (J w U(alpha, C), phi) = <influx, phi>
 
-Everything is integrated by the rule of six points that is exact to degree four. `respond` gives, at one of them, the stresses that stand
-next to v, grad v, phi and grad phi as functions of F, alpha, p, C and their gradients, with all derivatives; the rest is sums. The step
-of the paper's program (`Data.printed`) has ``(J - J_old) alpha + (alpha - alpha_old) J`` in place of ``alpha J`` and no past moment.
-
-Unknowns of a triangle: d_x, d_y, alpha, p, C of its first, second and third point, then the two of its bubble. The bubble is condensed:
-with the element's tangent in blocks, ``K_XX - K_Xb K_bb^-1 K_bX`` goes to the matrix; ``K_bb^-1``, ``K_bb^-1 K_bX`` and ``K_Xb K_bb^-1``
-are kept, and the bubble's change follows from that of the others. An iteration with an old tangent takes the old tangent's blocks.
+Everything is integrated by the rule of six points that is exact to degree four. `tumour.fem.point` gives, at one of them, what stands next
+to the test functions and their gradients, with all derivatives; the rest is sums. `tumour.fem.edges` adds the right-hand sides.
 """
 
 from __future__ import annotations
@@ -30,8 +25,12 @@ from multiphase import transport
 from multiphase.lines import Kernel
 from tumour import equations, laws
 from tumour import laws as law
-from tumour.fem import arrays
-from tumour.fem.arrays import FIELDS, LOCAL, OUTER, ROWS, Data, Elements, Pattern
+from tumour.fem import arrays, assembly, point
+from tumour.fem import edges as edge_sums
+from tumour.fem.arrays import LOCAL, PERMEABILITY, ROWS, Data, Edges, Elements, Pattern
+from tumour.fem.assembly import add_condensed, add_to_rows, condense, gather
+from tumour.fem.edges import add_edge_slopes, add_edges
+from tumour.fem.point import conducted, respond, respond_slopes
 
 
 @njit(error_model="numpy")
@@ -65,96 +64,6 @@ def strain(x: Any, corners: Any, bx: float, by: float, l0: float, l1: float, l2:
 
 
 @njit(error_model="numpy")
-def respond(c: Data, tau: float, e: Any, alpha_old: float, J_old: float, s: Any) -> None:
-    """The response `s` of a point to the strain `e`: see ROWS."""
-    F11, F12, F21, F22, alpha, p, C = e[0], e[1], e[2], e[3], e[4], e[5], e[6]
-    J = F11 * F22 - F12 * F21
-    g = c.lam * (J - 1.0) - c.mu / J - p - law.contact_pressure(alpha, c.gamma, c.alpha_star, c.alpha_min, c.sigma_width)
-    s[0] = c.mu * F11 + g * F22
-    s[1] = c.mu * F12 - g * F21
-    s[2] = c.mu * F21 - g * F12
-    s[3] = c.mu * F22 + g * F11
-    q = law.net_growth(alpha, C, c.s1, c.s2, c.s3, c.s4)
-    s[4] = J * (alpha - tau * q)
-    if c.printed:
-        s[4] += J * (alpha - alpha_old) - J_old * alpha
-    s[5] = J
-    flow = 0.0 if c.kappa == 0.0 else tau * law.mobility(alpha, c.kappa, c.law, c.floor)
-    h1, h2 = F22 * e[7] - F21 * e[8], F11 * e[8] - F12 * e[7]
-    s[6] = flow * (F22 * h1 - F12 * h2) / J
-    s[7] = flow * (F11 * h2 - F21 * h1) / J
-    s[8] = J * law.oxygen_uptake(alpha, C, c.Q, c.Q1_hat)
-    k1, k2 = F22 * e[9] - F21 * e[10], F11 * e[10] - F12 * e[9]
-    s[9] = (F22 * k1 - F12 * k2) / J
-    s[10] = (F11 * k2 - F21 * k1) / J
-
-
-@njit(error_model="numpy")
-def conduct(M: float, J: float, F: Any, px: float, py: float, f: Any, D: Any, row: int) -> None:
-    """Derivatives by F of the flow ``f = M A^T A grad p / J`` into two rows of D, from `row` on: with h = A grad p,
-    ``df = M (dA^T h + A^T dA grad p)/J - f dJ/J``."""
-    F11, F12, F21, F22 = F[0], F[1], F[2], F[3]
-    h1, h2 = (F22 * px - F21 * py) / J * M, (F11 * py - F12 * px) / J * M
-    a, b = M * px / J, M * py / J
-    f1, f2 = f[row] / J, f[row + 1] / J
-    # A = [[F22, -F21], [-F12, F11]]; A^T h = (F22 h1 - F12 h2, F11 h2 - F21 h1)
-    D[row, 0] = -F12 * b - f1 * F22
-    D[row + 1, 0] = h2 + F11 * b - f2 * F22
-    D[row, 1] = -h2 + F12 * a + f1 * F21
-    D[row + 1, 1] = -F11 * a + f2 * F21
-    D[row, 2] = -F22 * b + f1 * F12
-    D[row + 1, 2] = -h1 + F21 * b + f2 * F12
-    D[row, 3] = h1 + F22 * a - f1 * F11
-    D[row + 1, 3] = -F21 * a - f2 * F11
-
-
-@njit(error_model="numpy")
-def respond_slopes(c: Data, tau: float, e: Any, alpha_old: float, J_old: float, s: Any, D: Any) -> None:
-    """Derivatives `D` of the response `s` by the strain `e`; entries that are always 0 are left alone."""
-    F11, F12, F21, F22, alpha, p, C = e[0], e[1], e[2], e[3], e[4], e[5], e[6]
-    J = F11 * F22 - F12 * F21
-    g = c.lam * (J - 1.0) - c.mu / J - p - law.contact_pressure(alpha, c.gamma, c.alpha_star, c.alpha_min, c.sigma_width)
-    A = (F22, -F21, -F12, F11)
-    stiff = c.lam + c.mu / (J * J)
-    swell = law.contact_pressure_slope(alpha, c.gamma, c.alpha_star, c.alpha_min, c.sigma_width)
-    for i in range(4):
-        for j in range(4):
-            D[i, j] = stiff * A[i] * A[j]
-        D[i, i] += c.mu
-        D[i, 4] = -swell * A[i]
-        D[i, 5] = -A[i]
-    D[0, 3] += g
-    D[3, 0] += g
-    D[1, 2] -= g
-    D[2, 1] -= g
-    q = law.net_growth(alpha, C, c.s1, c.s2, c.s3, c.s4)
-    q_alpha, q_C = law.net_growth_slopes(alpha, C, c.s1, c.s2, c.s3, c.s4)
-    taken = law.oxygen_uptake(alpha, C, c.Q, c.Q1_hat)
-    taken_alpha, taken_C = law.oxygen_uptake_slopes(alpha, C, c.Q, c.Q1_hat)
-    cells = alpha - tau * q
-    D[4, 4] = J * (1.0 - tau * q_alpha)
-    if c.printed:
-        cells += alpha - alpha_old
-        D[4, 4] += J - J_old
-    D[4, 6] = -tau * J * q_C
-    for j in range(4):
-        D[4, j] = cells * A[j]
-        D[5, j] = A[j]
-        D[8, j] = taken * A[j]
-    D[8, 4], D[8, 6] = J * taken_alpha, J * taken_C
-    M, M_slope = 0.0, 0.0
-    if c.kappa > 0.0:
-        M = tau * law.mobility(alpha, c.kappa, c.law, c.floor)
-        M_slope = tau * law.mobility_slope(alpha, c.kappa, c.law, c.floor)
-    b11, b12, b22 = (F22 * F22 + F12 * F12) / J, -(F22 * F21 + F12 * F11) / J, (F21 * F21 + F11 * F11) / J
-    D[6, 4], D[7, 4] = M_slope * (b11 * e[7] + b12 * e[8]), M_slope * (b12 * e[7] + b22 * e[8])
-    D[6, 7], D[6, 8], D[7, 7], D[7, 8] = M * b11, M * b12, M * b12, M * b22
-    D[9, 9], D[9, 10], D[10, 9], D[10, 10] = b11, b12, b12, b22
-    conduct(M, J, e, e[7], e[8], s, D, 6)
-    conduct(1.0, J, e, e[9], e[10], s, D, 9)
-
-
-@njit(error_model="numpy")
 def turned_over(el: Elements, nodal: Any, bubbles: Any) -> int:
     """-1, or the number of the first triangle where J is not positive at a quadrature point."""
     x, e = np.empty(LOCAL), np.empty(ROWS)
@@ -168,15 +77,6 @@ def turned_over(el: Elements, nodal: Any, bubbles: Any) -> int:
             if not e[0] * e[3] - e[1] * e[2] > 0.0:
                 return n
     return -1
-
-
-@njit(error_model="numpy")
-def gather(el: Elements, nodal: Any, bubbles: Any, n: int, x: Any) -> None:
-    """The unknowns of the triangle n."""
-    for a in range(3):
-        for k in range(FIELDS):
-            x[FIELDS * a + k] = nodal[el.triangles[n, a], k]
-    x[15], x[16] = bubbles[n, 0], bubbles[n, 1]
 
 
 @njit(error_model="numpy")
@@ -207,17 +107,6 @@ def add_response(corners: Any, bx: float, by: float, lam: Any, s: Any, r: Any) -
 
 
 @njit(error_model="numpy")
-def add_condensed(corners: Any, r: Any, bubble_load: Any, kept: Any, R: Any, r_bubble: Any) -> None:
-    """Add the element's residual r, its bubble condensed with the blocks `kept`, to that of the points; keep the bubble's own."""
-    b0, b1 = r[15] - bubble_load[0], r[16] - bubble_load[1]
-    r_bubble[0], r_bubble[1] = b0, b1
-    for a in range(3):
-        for k in range(FIELDS):
-            row = FIELDS * a + k
-            R[corners[a], k] += r[row] - kept[34 + row] * b0 - kept[49 + row] * b1
-
-
-@njit(error_model="numpy")
 def residual(
     c: Data,
     el: Elements,
@@ -228,6 +117,8 @@ def residual(
     old_bubbles: Any,
     loads: Any,
     bubble_loads: Any,
+    edges: Edges,
+    actions: Any,
     kept: Any,
     R: Any,
     r_bubbles: Any,
@@ -252,12 +143,13 @@ def residual(
             strain(x, corners, bx, by, lam[0], lam[1], lam[2], e)
             if not e[0] * e[3] - e[1] * e[2] > 0.0:
                 return n
-            respond(c, tau, e, past[q, 0], past[q, 1], s)
+            respond(c, c.stride * (n * len(el.weights) + q), tau, e, past[q, 0], past[q, 1], s)
             weight = el.weights[q] * el.areas[n]
             for i in range(ROWS):
                 s[i] *= weight
             add_response(corners, bx, by, lam, s, r)
         add_condensed(el.triangles[n], r, bubble_loads[n], kept[n], R, r_bubbles[n])
+    add_edges(el, edges, actions, nodal, R)
     return -1
 
 
@@ -292,23 +184,6 @@ def add_slopes(corners: Any, bx: float, by: float, lam: Any, weight: float, D: A
 
 
 @njit(error_model="numpy")
-def condense(K: Any, kept: Any) -> None:
-    """Eliminate the bubble from the element's tangent K and keep what its residual and change need."""
-    a, b, c, d = K[15, 15], K[15, 16], K[16, 15], K[16, 16]
-    over = 1.0 / (a * d - b * c)
-    i00, i01, i10, i11 = d * over, -b * over, -c * over, a * over
-    kept[0], kept[1], kept[2], kept[3] = i00, i01, i10, i11
-    for j in range(OUTER):
-        kept[4 + j] = i00 * K[15, j] + i01 * K[16, j]
-        kept[19 + j] = i10 * K[15, j] + i11 * K[16, j]
-        kept[34 + j] = K[j, 15] * i00 + K[j, 16] * i10
-        kept[49 + j] = K[j, 15] * i01 + K[j, 16] * i11
-    for i in range(OUTER):
-        for j in range(OUTER):
-            K[i, j] -= K[i, 15] * kept[4 + j] + K[i, 16] * kept[19 + j]
-
-
-@njit(error_model="numpy")
 def element_tangent(c: Data, el: Elements, tau: float, n: int, x: Any, past: Any, e: Any, s: Any, D: Any, B: Any, r: Any, K: Any) -> bool:
     """Residual r and tangent K of the triangle n, before its bubble is condensed; False where J is not positive."""
     corners = el.gradients[n]
@@ -322,8 +197,8 @@ def element_tangent(c: Data, el: Elements, tau: float, n: int, x: Any, past: Any
         strain(x, corners, bx, by, lam[0], lam[1], lam[2], e)
         if not e[0] * e[3] - e[1] * e[2] > 0.0:
             return False
-        respond(c, tau, e, past[q, 0], past[q, 1], s)
-        respond_slopes(c, tau, e, past[q, 0], past[q, 1], s, D)
+        respond(c, c.stride * (n * len(el.weights) + q), tau, e, past[q, 0], past[q, 1], s)
+        respond_slopes(c, c.stride * (n * len(el.weights) + q), tau, e, past[q, 0], past[q, 1], s, D)
         weight = el.weights[q] * el.areas[n]
         add_slopes(corners, bx, by, lam, weight, D, B, K)
         for i in range(ROWS):
@@ -343,6 +218,8 @@ def tangent(
     old_bubbles: Any,
     loads: Any,
     bubble_loads: Any,
+    edges: Edges,
+    actions: Any,
     pattern: Pattern,
     values: Any,
     kept: Any,
@@ -364,44 +241,15 @@ def tangent(
         condense(K, kept[n])
         add_condensed(el.triangles[n], r, bubble_loads[n], kept[n], R, r_bubbles[n])
         add_to_rows(el.triangles[n], pattern.pairs[n], pattern, K, values)
+    add_edges(el, edges, actions, nodal, R)
+    add_edge_slopes(el, edges, actions, nodal, pattern, K, values)
     return -1
-
-
-@njit(error_model="numpy")
-def add_to_rows(corners: Any, pairs: Any, pattern: Pattern, K: Any, values: Any) -> None:
-    """Add the condensed tangent of a triangle to the values of the matrix."""
-    for a in range(3):
-        for k in range(FIELDS):
-            start = pattern.start[corners[a], k]
-            if start < 0:
-                continue
-            for b in range(3):
-                first = start + pairs[3 * a + b]
-                for l in range(FIELDS):
-                    rank = pattern.rank[corners[b], l]
-                    if rank >= 0:
-                        values[first + rank] += K[FIELDS * a + k, FIELDS * b + l]
-
-
-@njit(error_model="numpy")
-def bubble_changes(el: Elements, kept: Any, r_bubbles: Any, change: Any, out: Any) -> None:
-    """The changes of the bubbles that go with those of the points, (points, 5)."""
-    for n in range(len(el.areas)):
-        b0, b1 = r_bubbles[n, 0], r_bubbles[n, 1]
-        y0 = kept[n, 0] * b0 + kept[n, 1] * b1
-        y1 = kept[n, 2] * b0 + kept[n, 3] * b1
-        for a in range(3):
-            i = el.triangles[n, a]
-            for k in range(FIELDS):
-                y0 += kept[n, 4 + FIELDS * a + k] * change[i, k]
-                y1 += kept[n, 19 + FIELDS * a + k] * change[i, k]
-        out[n, 0], out[n, 1] = -y0, -y1
 
 
 @njit(error_model="numpy")
 def moments(c: Data, el: Elements, nodal: Any, bubbles: Any, out: Any) -> None:
     """Moments with the shape functions of alpha J, J and J q_alpha, and with their gradients of the fluid's flow, (4, points)."""
-    x, e, s = np.empty(LOCAL), np.empty(ROWS), np.empty(ROWS)
+    x, e = np.empty(LOCAL), np.empty(ROWS)
     out[:, :] = 0.0
     for n in range(len(el.areas)):
         gather(el, nodal, bubbles, n, x)
@@ -410,16 +258,18 @@ def moments(c: Data, el: Elements, nodal: Any, bubbles: Any, out: Any) -> None:
             lam = (el.points[q, 0], el.points[q, 1], el.points[q, 2])
             bx, by = bubble_gradient(corners, lam[0], lam[1], lam[2])
             strain(x, corners, bx, by, lam[0], lam[1], lam[2], e)
-            respond(c, 1.0, e, 0.0, 0.0, s)
             weight = el.weights[q] * el.areas[n]
-            J = s[5] * weight
+            ratio = e[0] * e[3] - e[1] * e[2]
+            flow = 0.0 if c.kappa == 0.0 else law.mobility(e[4], c.kappa, c.law, c.floor) / ratio
+            fx, fy = conducted(c, c.stride * (n * len(el.weights) + q), PERMEABILITY, flow, e, 7)
+            J = ratio * weight
             born = J * law.net_growth(e[4], e[6], c.s1, c.s2, c.s3, c.s4)
             for a in range(3):
                 i = el.triangles[n, a]
                 out[0, i] += e[4] * J * lam[a]
                 out[1, i] += J * lam[a]
                 out[2, i] += born * lam[a]
-                out[3, i] += weight * (s[6] * corners[a, 0] + s[7] * corners[a, 1])
+                out[3, i] += weight * (fx * corners[a, 0] + fy * corners[a, 1])
 
 
 @njit(error_model="numpy")
@@ -439,7 +289,7 @@ def observe(c: Data, el: Elements, nodal: Any, bubbles: Any, levels: Any, out: A
             lam = (el.points[q, 0], el.points[q, 1], el.points[q, 2])
             bx, by = bubble_gradient(corners, lam[0], lam[1], lam[2])
             strain(x, corners, bx, by, lam[0], lam[1], lam[2], e)
-            respond(c, 0.0, e, 0.0, 0.0, s)
+            respond(c, c.stride * (n * len(el.weights) + q), 0.0, e, 0.0, 0.0, s)
             weight = el.weights[q] * el.areas[n]
             J = e[0] * e[3] - e[1] * e[2]
             stress = np.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2] + s[3] * s[3])
@@ -473,5 +323,5 @@ def share_below(level: float, a: float, b: float, c: float) -> float:
     return 1.0 - (c - level) * (c - level) / ((c - b) * (c - a))
 
 
-KERNEL = Kernel(sys.modules[__name__], parts=(arrays, laws, equations, transport))
+KERNEL = Kernel(sys.modules[__name__], assembly, point, edge_sums, parts=(arrays, laws, equations, transport))
 """The functions above, compiled and kept on disk."""

@@ -12,7 +12,7 @@ from skfem import MeshTri
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
-from tumour.fem.arrays import FIELDS, Elements, Pattern
+from tumour.fem.arrays import FIELDS, Edges, Elements, Pattern
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -31,6 +31,12 @@ def elements_of(mesh: MeshTri) -> Elements:
     places, weights = get_quadrature(RefTri, DEGREE)
     points = np.column_stack([1.0 - places[0] - places[1], places[0], places[1]])
     return Elements(triangles, np.ascontiguousarray(gradients), 0.5 * twice, np.ascontiguousarray(points), weights / np.sum(weights))
+
+
+def no_edges() -> Edges:
+    """A surface on which nothing acts."""
+    none, numbers = np.zeros(0), np.zeros(0, dtype=np.int64)
+    return Edges(numbers, numbers, numbers, none, np.zeros((0, 2)), np.zeros((0, 2)), none)
 
 
 def mass_matrix(elements: Elements, count: int) -> Any:
@@ -115,15 +121,15 @@ class RigidMotions:
     ----------
     elements : Elements
     points : (points, 2) array
-    fixed : (points, 2) array of bool
-        Where the sides of the body hold d_x and d_y.
+    shifts : (2,) array of bool
+        Whether the body is free to shift in x and in y.
+    turns : bool
+        Whether it is free to turn; then it is free to shift in both.
     """
 
-    def __init__(self, elements: Elements, points: Array, fixed: NDArray[np.bool_]) -> None:
-        self.points = points
-        self.shifts: NDArray[np.bool_] = np.asarray(~fixed.any(axis=0))
-        self.turns = bool(self.shifts.all())
-        self.held = np.zeros_like(fixed)
+    def __init__(self, elements: Elements, points: Array, shifts: NDArray[np.bool_], turns: bool) -> None:
+        self.points, self.shifts, self.turns = points, shifts, turns
+        self.held = np.zeros(points.shape, dtype=bool)
         mass = mass_matrix(elements, len(points))
         self._weights = np.asarray(mass.sum(axis=1)).ravel()
         self._area = float(np.sum(self._weights))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from multiphase.sparse import SingularMatrix, SparseSolver
 from multiphase.stepping import StepFailure
-from tumour.fem.arrays import FIELDS, KEPT, Data, Elements
+from tumour.fem.arrays import ACTIONS, FIELDS, KEPT, Data, Edges, Elements
 from tumour.fem.layout import RigidMotions, Rows
 
 Array = NDArray[np.float64]
@@ -64,12 +64,13 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One implicit step: its size tau, the right-hand side, and the last point for the step as printed."""
+    """One implicit step: its size tau, the right-hand side, the last point for the step as printed, and what acts on the edges."""
 
     tau: float
     loads: Array
     bubble_loads: Array
     old: Point
+    actions: Array
 
 
 class Newton:
@@ -79,7 +80,7 @@ class Newton:
     ----------
     kernel : mapping of str to function
         `tumour.fem.kernel.KERNEL`, or `tumour.fem.readable.Readable`.
-    constants, elements, points, rows, rigid
+    constants, elements, edges, points, rows, rigid
         What is solved.
     linear : SparseSolver
         For the pattern of `rows`.
@@ -89,10 +90,10 @@ class Newton:
     """
 
     def __init__(
-        self, kernel: Any, constants: Data, elements: Elements, points: Array, rows: Rows, rigid: RigidMotions, linear: SparseSolver, *,
-        tolerance: float, length: float, oxygen: float,
+        self, kernel: Any, constants: Data, elements: Elements, edges: Edges, points: Array, rows: Rows, rigid: RigidMotions,
+        linear: SparseSolver, *, tolerance: float, length: float, oxygen: float,
     ) -> None:  # fmt: skip
-        self.kernel, self.constants, self.elements, self.points = kernel, constants, elements, points
+        self.kernel, self.constants, self.elements, self.edges, self.points = kernel, constants, elements, edges, points
         self.rows, self.rigid, self.linear = rows, rigid, linear
         self.tolerance, self.length, self.oxygen = tolerance, length, oxygen
         self._residual, self._bubbles = np.zeros((len(points), FIELDS)), np.zeros((len(elements.areas), 2))
@@ -114,13 +115,13 @@ class Newton:
         self.forget()
         if not memory.size:
             return
-        count, triangles = self._residual.size, self._bubbles.size
-        tau, nodal, bubbles, old, old_bubbles = np.split(memory[3:], np.cumsum([1, count, triangles, count]))
+        count, triangles, edges = self._residual.size, self._bubbles.size, ACTIONS * len(self.edges.lengths)
+        tau, actions, nodal, bubbles, old, old_bubbles = np.split(memory[3:], np.cumsum([1, edges, count, triangles, count]))
         if not old.size:
             old, old_bubbles = nodal, bubbles
         nothing = np.zeros_like(self._residual), np.zeros_like(self._bubbles)
         point, last = (Point(a.reshape(-1, FIELDS), b.reshape(-1, 2)) for a, b in ((nodal, bubbles), (old, old_bubbles)))
-        self.make(Step(float(tau[0]), *nothing, last), point)
+        self.make(Step(float(tau[0]), *nothing, last, actions.reshape(-1, ACTIONS)), point)
         self._contraction, self._excess, self._usual = memory[:3].tolist()
 
     def forget(self) -> None:
@@ -144,7 +145,7 @@ class Newton:
         self.counts["residual"] += 1
         return int(self.over_elements(
             "residual", self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads,
-            step.bubble_loads, self._kept, self._residual, self._bubbles,
+            step.bubble_loads, self.edges, step.actions, self._kept, self._residual, self._bubbles,
         ))  # fmt: skip
 
     def make(self, step: Step, at: Point) -> int:
@@ -153,7 +154,8 @@ class Newton:
         self.counts["tangent"] += 1
         code = self.over_elements(
             "tangent", self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads,
-            step.bubble_loads, self.rows.pattern, self._values, self._kept, self._residual, self._bubbles, account="tangent",
+            step.bubble_loads, self.edges, step.actions, self.rows.pattern, self._values, self._kept, self._residual, self._bubbles,
+            account="tangent",
         )  # fmt: skip
         if code < 0:
             try:
@@ -161,7 +163,7 @@ class Newton:
             except SingularMatrix as error:
                 raise StepFailure("the tangent of the step is singular: the body has no definite equilibrium") from error
             old = [step.old.nodal.ravel(), step.old.bubbles.ravel()] if self.constants.printed else []
-            self._made_at = np.concatenate([[step.tau], at.nodal.ravel(), at.bubbles.ravel(), *old])
+            self._made_at = np.concatenate([[step.tau], step.actions.ravel(), at.nodal.ravel(), at.bubbles.ravel(), *old])
         return int(code)
 
     def _change(self) -> Point:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from tumour import equations as eq
-from tumour.fem.arrays import OUTER, Data, Elements, Pattern
-from tumour.fem.forms import Forms, first_piola
+from tumour.fem.arrays import OUTER, Data, Edges, Elements, Pattern
+from tumour.fem.forms import Forms
 from tumour.parameters import TumourParameters
 
 Array = NDArray[np.float64]
@@ -25,10 +25,12 @@ class Readable:
     ----------
     mesh : skfem.MeshTri
     parameters : TumourParameters
+    constants : Data
+    edges : Edges
     """
 
-    def __init__(self, mesh: MeshTri, parameters: TumourParameters) -> None:
-        self.forms, self.parameters = Forms(mesh, parameters), parameters
+    def __init__(self, mesh: MeshTri, parameters: TumourParameters, constants: Data, edges: Edges) -> None:
+        self.forms, self.parameters = Forms(mesh, parameters, constants, edges), parameters
 
     def __getitem__(self, name: str) -> Callable[..., Any]:
         found: Callable[..., Any] = getattr(self, name)
@@ -36,23 +38,23 @@ class Readable:
 
     def residual(
         self, c: Data, el: Elements, tau: float, nodal: Array, bubbles: Array, old_nodal: Array, old_bubbles: Array, loads: Array,
-        bubble_loads: Array, kept: Array, R: Array, r_bubbles: Array,
+        bubble_loads: Array, edges: Edges, actions: Array, kept: Array, R: Array, r_bubbles: Array,
     ) -> int:  # fmt: skip
         turned = self.turned_over(el, nodal, bubbles)
         if turned < 0:
             old = (old_nodal, old_bubbles) if c.printed else None
-            self._reduce(self.forms.element_residuals(nodal, bubbles, tau, old), loads, bubble_loads, kept, R, r_bubbles)
+            self._reduce(self.forms.element_residuals(nodal, bubbles, tau, old, actions), loads, bubble_loads, kept, R, r_bubbles)
         return turned
 
     def tangent(
         self, c: Data, el: Elements, tau: float, nodal: Array, bubbles: Array, old_nodal: Array, old_bubbles: Array, loads: Array,
-        bubble_loads: Array, pattern: Pattern, values: Array, kept: Array, R: Array, r_bubbles: Array,
+        bubble_loads: Array, edges: Edges, actions: Array, pattern: Pattern, values: Array, kept: Array, R: Array, r_bubbles: Array,
     ) -> int:  # fmt: skip
         turned = self.turned_over(el, nodal, bubbles)
         if turned >= 0:
             return turned
         old = (old_nodal, old_bubbles) if c.printed else None
-        K = self.forms.element_tangents(nodal, bubbles, tau, old)
+        K = self.forms.element_tangents(nodal, bubbles, tau, old, actions)
         outer, inner = slice(OUTER), slice(OUTER, None)
         inverse = np.linalg.inv(K[:, inner, inner])
         right, left = inverse @ K[:, inner, outer], K[:, outer, inner] @ inverse
@@ -60,7 +62,7 @@ class Readable:
         condensed = K[:, outer, outer] - K[:, outer, inner] @ right
         slots, used = self._places(el, pattern)
         values[:] = np.bincount(slots, condensed.reshape(len(K), -1)[used], minlength=len(values))
-        self._reduce(self.forms.element_residuals(nodal, bubbles, tau, old), loads, bubble_loads, kept, R, r_bubbles)
+        self._reduce(self.forms.element_residuals(nodal, bubbles, tau, old, actions), loads, bubble_loads, kept, R, r_bubbles)
         return -1
 
     def _reduce(self, rows: Array, loads: Array, bubble_loads: Array, kept: Array, R: Array, r_bubbles: Array) -> None:
@@ -103,8 +105,7 @@ class Readable:
 
     def observe(self, c: Data, el: Elements, nodal: Array, bubbles: Array, levels: Array, out: Array, shares: Array) -> None:
         J, F, alpha, p, _ = self._state(nodal, bubbles)
-        load = np.asarray(p) + eq.contact_pressure(np.asarray(alpha), *self.parameters.contact)
-        stress = np.sqrt(np.sum(first_piola(F, load, self.parameters) ** 2, axis=(0, 1)))
+        stress = np.sqrt(np.sum(self.forms.stress(F, np.asarray(alpha), np.asarray(p)) ** 2, axis=(0, 1)))
         for row, density in enumerate((J, stress, J * np.asarray(alpha))):
             out[row] = self._moment(el, density)
         areas = el.areas * (J @ el.weights)

@@ -26,12 +26,14 @@ from multiphase.mesh import Mesh
 from multiphase.sparse import open_solver
 from multiphase.stepping import Snapshot, Solved, StepFailure
 from tumour import equations as eq
-from tumour.equations import MOBILITIES
+from tumour.boundary import TumourBoundary
 from tumour.fem import layout
-from tumour.fem.arrays import FIELDS, Data
+from tumour.fem.arrays import FIELDS
 from tumour.fem.bodies import fraction
 from tumour.fem.newton import Newton, Point, Step
 from tumour.fem.observation import Observation
+from tumour.fem.surface import Surface
+from tumour.fem.tissue import data_of
 from tumour.meshes import Body
 from tumour.parameters import TumourInitial, TumourParameters
 from tumour.solver import TumourSolver
@@ -52,14 +54,23 @@ class MiniScheme:
     ----------
     parameters, initial, solver : TumourParameters, TumourInitial, TumourSolver
     body : tumour.meshes.Body
+    boundary : TumourBoundary, optional
+        What acts on named parts of the surface; all of it is free without.
+
+    Attributes
+    ----------
+    side : int
+        Which data hold at a time at which they jump: those before (-1) or after it (1).
+    acting : (edges, ACTIONS) array
+        What acted on the edges of the surface in the last step.
     """
 
-    breaks: tuple[float, ...] = ()
-    kinks: tuple[float, ...] = ()
     guess_points = 4
     """Points that the first guess of a step is extrapolated from."""
 
-    def __init__(self, parameters: TumourParameters, initial: TumourInitial, body: Body, solver: TumourSolver) -> None:
+    def __init__(
+        self, parameters: TumourParameters, initial: TumourInitial, body: Body, solver: TumourSolver, boundary: TumourBoundary | None = None
+    ) -> None:
         p = parameters
         self.parameters, self.initial_values, self.body, self.solver, self.rtol = p, initial, body, solver, solver.rtol
         self.printed = solver.alpha_step == "as-printed"
@@ -67,17 +78,19 @@ class MiniScheme:
         self.elements = layout.elements_of(body.mesh)
         self.mesh = Mesh(points, self.elements.triangles)
         self.count, self.triangles = len(points), len(self.elements.areas)
-        self.constants = Data(
-            *p.moduli, *p.contact, *p.kinetics, *p.uptake, p.kappa, MOBILITIES[p.mobility], p.mobility_floor, self.printed
-        )
+        self.constants = data_of(p, self.elements, points, body.radius, printed=self.printed)
+        self.surface = Surface(body, boundary or TumourBoundary(), p)
+        self.breaks, self.kinks, self.side = self.surface.jumps, self.surface.breaks, -1
+        self.acting = self.surface.actions(0.0, 1)
         self.kernel = self._kernel()
         self.prescribed = self._prescribed()
-        rigid = layout.RigidMotions(self.elements, points, self.prescribed[:, :2])
+        rigid = layout.RigidMotions(self.elements, points, *self._free_motions())
         held = self.prescribed.copy()
         held[:, :2] |= rigid.held
         rows = layout.rows_of(self.elements, held)
         self.newton = Newton(
-            self.kernel, self.constants, self.elements, points, rows, rigid, open_solver(solver.linear, rows.indptr, rows.indices),
+            self.kernel, self.constants, self.elements, self.surface.edges, points, rows, rigid,
+            open_solver(solver.linear, rows.indptr, rows.indices),
             tolerance=solver.newton_tolerance, length=body.radius, oxygen=p.C_out or 1.0,
         )  # fmt: skip
         self._parts = np.cumsum([FIELDS * self.count, 2 * self.triangles, 2 * self.count, 2, 1])
@@ -89,7 +102,7 @@ class MiniScheme:
         if self.solver.assembly == "forms":
             from tumour.fem.readable import Readable
 
-            return Readable(self.body.mesh, self.parameters)
+            return Readable(self.body.mesh, self.parameters, self.constants, self.surface.edges)
         from tumour.fem.kernel import KERNEL
 
         KERNEL.announce()
@@ -98,21 +111,18 @@ class MiniScheme:
     # -- Data that a study may replace ----------------------------------------------------------------------------------
 
     def _prescribed(self) -> NDArray[np.bool_]:
-        """The prescribed unknowns of each point: sliding sides, and pressure and oxygen at the surface."""
-        held = np.zeros((self.count, FIELDS), dtype=bool)
-        held[self.body.slide_x, X] = held[self.body.slide_y, Y] = True
-        held[self.body.surface, P] = held[self.body.surface, OXYGEN] = True
-        if self.parameters.kappa == 0.0:
-            held[:, P] = True  # fluid that flows freely is at p_out everywhere
-        if self.parameters.Q == 0.0:
-            held[:, OXYGEN] = True  # oxygen that nobody takes up is C_out everywhere
-        return held
+        """The prescribed unknowns of each point."""
+        return self.surface.prescribed
+
+    def _free_motions(self) -> tuple[NDArray[np.bool_], bool]:
+        """Whether the body is free to shift in x and y, and to turn."""
+        shifts, turns = self.surface.free_motions
+        shifts = shifts & ~self.prescribed[:, :2].any(axis=0)
+        return shifts, bool(turns and shifts.all())
 
     def boundary(self, t: float) -> Array:
         """Values of the prescribed unknowns at `t`, (points, 5)."""
-        values = np.zeros((self.count, FIELDS))
-        values[:, P], values[:, OXYGEN] = self.parameters.p_out, self.parameters.C_out
-        return values
+        return self.surface.values(t, self.side)
 
     def loads(self, t: float, tau: float) -> tuple[Array, Array]:
         """What a study adds to the right-hand sides, (points, 5) and (elements, 2); nothing here."""
@@ -147,13 +157,14 @@ class MiniScheme:
         p = self.parameters
         u = np.zeros(self._parts[-1])
         point = self.point(u)
+        self.side = 1
         point.nodal[:] = self.boundary(0.0)
         point.nodal[:, ALPHA] = fraction(self.initial_values, self.body)
         self.rest(u)[0][:] = self._moments(point)[:2]
         self.observation.begin(u)
         point.nodal[:, P] = np.where(self.prescribed[:, P], point.nodal[:, P], -eq.contact_pressure(point.nodal[:, ALPHA], *p.contact))
         try:
-            u = self.solve(0.0, np.inf, u, u).u
+            u = self._let_go(0.0, u).u
         except StepFailure as failure:
             raise SolverError(
                 f"no equilibrium was found at t = 0 ({failure}). Take an initial alpha nearer to alpha_star, a smaller p_out, or a larger "
@@ -175,8 +186,27 @@ class MiniScheme:
             return np.nan
 
     def consistent(self, t: float, u: Array) -> Array:
-        """`u`: nothing in the data jumps."""
-        return u.copy()
+        """`u` in equilibrium with the data just after a jump at `t`, before any fluid has moved.
+
+        Raises
+        ------
+        SolverError
+            Where there is no such equilibrium.
+        """
+        try:
+            return self._let_go(t, u).u
+        except StepFailure as failure:
+            raise SolverError(
+                f"no equilibrium was found after the jump at t = {t:.6g} ({failure}). Let the load rise over a short time instead.", time=t
+            ) from failure
+
+    def _let_go(self, t: float, u: Array) -> Solved:
+        """The equilibrium of the stresses and the oxygen that goes with it, with the data after `t`, in no time."""
+        self.side = 1
+        try:
+            return self.solve(t, np.inf, u, u)
+        finally:
+            self.side = -1
 
     def recall(self, memory: Array) -> None:
         """Hold the tangent again that `memory` tells of."""
@@ -192,7 +222,8 @@ class MiniScheme:
         loads[:, P] += moments[1]
         if not self.printed:
             loads[:, ALPHA] += moments[0]
-        step = Step(tau, loads, bubble_loads, self.point(past))
+        self.acting = self.surface.actions(t, self.side)
+        step = Step(tau, loads, bubble_loads, self.point(past), self.acting)
         point, iterations = self.newton.solve(step, self._admissible(t, guess, past), lambda: self._admissible(t, past, past))
         return Solved(self._vector(step, past, point), iterations, self.newton.memory)
 

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from multiphase.stepping import StepFailure
+from tumour import equations as eq
+from tumour.fem.arrays import COEFFICIENTS, FIBRE, PUSH, REINFORCEMENT, STIFFNESS
 from tumour.fem.newton import Step
 
 if TYPE_CHECKING:
@@ -55,9 +57,9 @@ def stiffness(scheme: MiniScheme, u: Array) -> tuple[float, int]:
     count = int(np.sum(moves))
     start = np.random.default_rng(0).standard_normal(count)  # in no direction of symmetry
     try:
-        newton.make(Step(0.0, *nothing, point), point)
+        newton.make(Step(0.0, *nothing, point, scheme.acting), point)
         inverse = LinearOperator((count, count), matvec=respond, dtype=float)
-        values, vectors = eigsh(inverse, k=2, which="BE", v0=start - rigid @ (rigid.T @ start), tol=1e-6)
+        values, vectors = _both_ends(inverse, start - rigid @ (rigid.T @ start), symmetric=_is_symmetric(scheme))
     except ArpackError as error:
         raise StepFailure(f"no eigenvalue was found: {error}") from error
     finally:
@@ -66,6 +68,51 @@ def stiffness(scheme: MiniScheme, u: Array) -> tuple[float, int]:
     mode = np.zeros_like(root)
     mode[moves] = vectors[:, which] / root[moves]
     return 1.0 / float(values[which]), int(np.argmax(np.hypot(*mode.T)))
+
+
+def _is_symmetric(scheme: MiniScheme) -> bool:
+    """Whether the stresses and what acts on the surface have an energy: the push of fibres has none, nor has a load on a part of the
+    surface whose ends move."""
+    return not (np.any(scheme.constants.tissue[:, PUSH]) or np.any(scheme.acting[:, 2]))
+
+
+def _both_ends(inverse: LinearOperator, start: Array, *, symmetric: bool) -> tuple[Array, Array]:
+    """The eigenvalues of the inverse with the least and the largest real part, and their vectors: a state buckles where one passes 0."""
+    if symmetric:
+        values, vectors = eigsh(inverse, k=2, which="BE", v0=start, tol=1e-6)
+        return values, vectors
+    ends = [eigs(inverse, k=1, which=which, v0=start, tol=1e-6) for which in ("SR", "LR")]
+    return np.array([values[0].real for values, _ in ends]), np.column_stack([vectors[:, 0].real for _, vectors in ends])
+
+
+def sliding(scheme: MiniScheme, u: Array) -> tuple[float, Array]:
+    """The least stiffness, over all quadrature points, of layers across the fibres against sliding over each other, and where at rest.
+
+    Layers with the normal a_0 at rest that are moved along b, perpendicular to F a_0: the stress along b changes with their slope by
+
+        m mu + 2 k_f (|F a_0|^2 - 1) - (rho - 1) alpha Sigma J/|F a_0|^2 + (m lambda + m mu/J^2) (J F^-T a_0 . b)^2,
+
+    an entry of the acoustic tensor. At 0 or less the equations of the stresses are not elliptic, and layers as thin as the mesh allows
+    slide. Without fibres it is at least m mu.
+    """
+    c, el, point = scheme.constants, scheme.elements, scheme.point(u)
+    l = el.points
+    psi = 27.0 * np.einsum("qa,nai->nqi", np.stack([l[:, 1] * l[:, 2], l[:, 0] * l[:, 2], l[:, 0] * l[:, 1]], axis=1), el.gradients)
+    local = point.nodal[el.triangles]
+    F = np.eye(2) + np.einsum("nai,naj->nij", local[..., :2], el.gradients)[:, None] + np.einsum("ni,nqj->nqij", point.bubbles, psi)
+    J = F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
+    tissue = np.broadcast_to(c.tissue, (J.size, COEFFICIENTS)).reshape(*J.shape, COEFFICIENTS)
+    direction, m = tissue[..., FIBRE : FIBRE + 2], tissue[..., STIFFNESS]
+    along = np.einsum("nqij,nqj->nqi", F, direction)
+    square = np.sum(along**2, axis=2)
+    b = np.stack([-along[..., 1], along[..., 0]], axis=2) / np.sqrt(square)[..., None]
+    across = (F[..., 1, 1] * direction[..., 0] - F[..., 1, 0] * direction[..., 1]) * b[..., 0]
+    across += (F[..., 0, 0] * direction[..., 1] - F[..., 0, 1] * direction[..., 0]) * b[..., 1]
+    contact = eq.contact_pressure(local[..., 2] @ l.T, *scheme.parameters.contact)
+    holds = m * c.mu + 2.0 * tissue[..., REINFORCEMENT] * (square - 1.0) - tissue[..., PUSH] * contact * J / square
+    holds += m * (c.lam + c.mu / J**2) * across**2
+    n, q = np.unravel_index(int(np.argmin(holds)), holds.shape)
+    return float(holds[n, q]), l[q] @ scheme.mesh.points[el.triangles[n]]
 
 
 def _rigid_motions(scheme: MiniScheme, displacement: Array, root: Array) -> Array:
@@ -84,6 +131,13 @@ def _rigid_motions(scheme: MiniScheme, displacement: Array, root: Array) -> Arra
 
 def explain(scheme: MiniScheme, u: Array) -> str:
     """A sentence on the stability of a state that no step leads on from; empty if it is stable."""
+    holds, (x, y) = sliding(scheme, u)
+    if not holds > 0.0:
+        return (
+            f"Near ({x:.3g}, {y:.3g}) of the body at rest layers across the fibres can slide over each other without resistance: the push "
+            "along the fibres is more than the tissue bears, as in a body that is confined, and no mesh resolves what follows. A smaller "
+            "fibre_ratio or a larger stiffness keeps it from that; a larger lambda_alpha does not."
+        )
     try:
         now, at = stiffness(scheme, u)
         rest, _ = stiffness(scheme, scheme.initial())

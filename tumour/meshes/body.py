@@ -73,6 +73,8 @@ class Body:
     is_round : bool
         Whether it is a disk or a quarter of one.
     quality : Quality
+    origin : str
+        How an image became this body, in words; empty for other bodies.
     """
 
     mesh: MeshTri
@@ -85,6 +87,7 @@ class Body:
     area: float
     is_round: bool
     quality: Quality
+    origin: str = ""
 
 
 def make_body(

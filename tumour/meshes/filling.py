@@ -1,4 +1,4 @@
-"""Fills a closed polygon with triangles of about one size.
+"""Fills a closed polygon, with holes or without, with triangles of about one size.
 
 Bars between neighbours that push until they are in equilibrium, and Delaunay's triangulation of their ends: Persson & Strang, "A simple
 mesh generator in MATLAB", SIAM Review 46 (2004) 329-345. Here the nodes on the boundary stay where they are, and so do those far from
@@ -6,6 +6,8 @@ it, which begin and remain in the hexagonal lattice.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,58 +32,64 @@ GOOD, ROUNDS = 31.0, 12
 """Least angle, in degrees, with which a mesh is left alone, and attempts to reach it."""
 
 
-def fill(boundary: Points, size: float) -> tuple[Points, Numbers]:
-    """Nodes and triangles within a polygon, whose points come first and whose sides are sides of triangles.
+def fill(loops: Sequence[Points], size: float) -> tuple[Points, Numbers]:
+    """Nodes and triangles within polygons, whose points come first and whose sides are sides of triangles.
 
     Parameters
     ----------
-    boundary : (n, 2) array
-        A simple polygon, counterclockwise, with sides of about `size`.
+    loops : sequence of (n, 2) array
+        Simple polygons with sides of about `size`: the outer one, counterclockwise, and its holes, clockwise.
     size : float
         Length of a side of a triangle.
 
     Returns
     -------
-    The best mesh found. In narrow parts it may lack sides of the polygon, and have triangles with all corners on it.
+    The best mesh found. In narrow parts it may lack sides of the polygons, and have triangles with all corners on it.
     """
+    boundary, after = np.concatenate(loops), closed_edges(*map(len, loops))[:, 1]
     best = boundary, np.empty((0, 3), dtype=np.int64)
     score = -np.inf
-    inner = _lattice(boundary, size)
+    inner = _lattice(boundary, after, size)
     for attempt in range(ROUNDS):
-        inner = _relaxed(boundary, inner, size)
+        inner = _relaxed(boundary, after, inner, size)
         points = np.vstack((boundary, inner))
-        triangles = _unpinned(points, _triangulated(points, boundary), len(boundary))
-        least = _score(points, triangles, len(boundary))
+        triangles = _unpinned(points, _triangulated(points, after), after)
+        least = _score(points, triangles, after)
         if least > score:
             score, best = least, (points, triangles)
         if score >= GOOD:
             break
-        inner = _mended(points, triangles, len(boundary), size, attempt)
+        inner = _mended(points, triangles, after, size, attempt)
     return best
 
 
-def _score(points: Points, triangles: Numbers, count: int) -> float:
+def _score(points: Points, triangles: Numbers, after: Numbers) -> float:
     """Least angle in degrees; less the more triangles are pinned to the boundary, and negative if they do not fill it."""
-    missing = len(missing_sides(triangles, count)) + len(points) - len(np.unique(triangles))
-    if missing or len(boundary_edges(triangles)) != count:
+    missing = len(missing_sides(triangles, after)) + len(points) - len(np.unique(triangles))
+    if missing or len(boundary_edges(triangles)) != len(after):
         return -1.0 - missing
-    pinned = int((triangles < count).all(axis=1).sum())
+    pinned = int((triangles < len(after)).all(axis=1).sum())
     return float(angles(points, triangles).min()) if not pinned else 1.0 / (1.0 + pinned)
 
 
-def missing_sides(triangles: Numbers, count: int) -> Numbers:
-    """Numbers of the sides of the polygon, nodes 0 to `count` - 1, that are on no triangle's boundary."""
+def missing_sides(triangles: Numbers, after: Numbers) -> Numbers:
+    """Numbers of the sides of the polygons, node k to node after[k], that are on no triangle's boundary."""
     edges = boundary_edges(triangles)
-    present = edges[(edges[:, 0] + 1) % count == edges[:, 1], 0]
-    return np.asarray(np.setdiff1d(np.arange(count), present))
+    present = edges[_follows(edges[:, 0], edges[:, 1], after), 0]
+    return np.asarray(np.setdiff1d(np.arange(len(after)), present))
 
 
-def _lattice(boundary: Points, size: float) -> Points:
+def _follows(first: Numbers, second: Numbers, after: Numbers) -> NDArray[np.bool_]:
+    """Where from the first node to the second there is a side of the polygons."""
+    return np.asarray((first < len(after)) & (after[np.minimum(first, len(after) - 1)] == second))
+
+
+def _lattice(boundary: Points, after: Numbers, size: float) -> Points:
     """Points of a hexagonal lattice within the boundary, and not too near to it."""
     low, high = boundary.min(axis=0), boundary.max(axis=0)
     height = np.sqrt(0.75) * size
     rows = np.arange(low[1] + 0.5 * height, high[1], height)
-    a, b = boundary, np.roll(boundary, -1, axis=0)
+    a, b = boundary, boundary[after]
     found = []
     for k, y in enumerate(rows):
         spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -92,14 +100,14 @@ def _lattice(boundary: Points, size: float) -> Points:
             x = first + size * np.arange(np.ceil((start - first) / size), np.floor((stop - first) / size) + 1)
             found.append(np.column_stack((x, np.full(len(x), y))))
     points = np.concatenate(found) if found else np.empty((0, 2))
-    return points[_Wall(boundary).distance(points) > 0.5 * size]
+    return points[_Wall(boundary, after).distance(points) > 0.5 * size]
 
 
 class _Wall:
     """The boundary as points close together, to measure distances from it."""
 
-    def __init__(self, boundary: Points) -> None:
-        a, b = boundary, np.roll(boundary, -1, axis=0)
+    def __init__(self, boundary: Points, after: Numbers) -> None:
+        a, b = boundary, boundary[after]
         self.tree = cKDTree((a[:, None] + np.linspace(0.0, 1.0, 6)[:-1, None] * (b - a)[:, None]).reshape(-1, 2))
         self.middles, self.reach = cKDTree((a + b) / 2.0), np.hypot(*(b - a).T) / 2.0
 
@@ -113,23 +121,23 @@ class _Wall:
         return np.asarray((gap > 1.02 * self.reach[which]) & ~near)
 
 
-def _triangulated(points: Points, boundary: Points) -> Numbers:
+def _triangulated(points: Points, after: Numbers) -> Numbers:
     """Delaunay's triangles within the boundary, the first of the points, counterclockwise."""
-    count = len(boundary)
+    count = len(after)
     triangles = Delaunay(points).simplices.astype(np.int64)
     doubled = doubled_areas(points, triangles)
     triangles = np.where((doubled < 0.0)[:, None], triangles[:, [0, 2, 1]], triangles)
     spanning = np.flatnonzero((triangles < count).all(axis=1))
     keep = np.ones(len(triangles), dtype=bool)
-    keep[spanning] = inside(points[triangles[spanning]].mean(axis=1), boundary[closed_edges(count)])
+    keep[spanning] = inside(points[triangles[spanning]].mean(axis=1), np.stack((points[:count], points[after]), axis=1))
     return np.asarray(triangles[keep])
 
 
-def _relaxed(boundary: Points, inner: Points, size: float) -> Points:
+def _relaxed(boundary: Points, after: Numbers, inner: Points, size: float) -> Points:
     """The inner points in equilibrium, those that came too near to the boundary left out."""
     if not len(inner):
         return inner
-    wall = _Wall(boundary)
+    wall = _Wall(boundary, after)
     inner = inner[wall.is_clear(inner, size)]
     depth = wall.distance(inner) / size
     deep = inner[depth > DEPTH + SUPPORT]
@@ -141,7 +149,7 @@ def _relaxed(boundary: Points, inner: Points, size: float) -> Points:
     for _ in range(STEPS):
         points = np.vstack((boundary, free, held))
         if since > MOVED:
-            bars = _bars(points, len(free), boundary)
+            bars = _bars(points, len(free), after)
             since = 0.0
         if not len(free):
             break
@@ -161,10 +169,10 @@ def _relaxed(boundary: Points, inner: Points, size: float) -> Points:
     return np.vstack((free, held, deep))
 
 
-def _bars(points: Points, free: int, boundary: Points) -> Numbers:
+def _bars(points: Points, free: int, after: Numbers) -> Numbers:
     """Edges of the triangulation with an end that is free to move; such nodes come after those of the boundary."""
-    count = len(boundary)
-    edges = np.unique(np.sort(sides(_triangulated(points, boundary)), axis=1), axis=0)
+    count = len(after)
+    edges = np.unique(np.sort(sides(_triangulated(points, after)), axis=1), axis=0)
     is_free = (edges >= count) & (edges < count + free)
     return np.asarray(edges[is_free.any(axis=1)])
 
@@ -183,13 +191,13 @@ def _forces(points: Points, bars: Numbers) -> Points:
     )
 
 
-def _unpinned(points: Points, triangles: Numbers, count: int) -> Numbers:
+def _unpinned(points: Points, triangles: Numbers, after: Numbers) -> Numbers:
     """Triangles with two sides on the boundary flipped with their neighbour, so that an edge leads inwards from the corner between."""
-    triangles = triangles.copy()
+    triangles, count = triangles.copy(), len(after)
     for t in np.flatnonzero((triangles < count).all(axis=1)):
         for k in range(3):
             a, b, c = np.roll(triangles[t], -k)
-            if (a + 1) % count == b and (b + 1) % count == c:
+            if a < count and b < count and after[a] == b and after[b] == c:
                 other = np.flatnonzero((triangles == a).any(axis=1) & (triangles == c).any(axis=1))
                 other = other[other != t]
                 d = triangles[other].sum() - a - c if len(other) == 1 else -1
@@ -200,9 +208,9 @@ def _unpinned(points: Points, triangles: Numbers, count: int) -> Numbers:
     return triangles
 
 
-def _mended(points: Points, triangles: Numbers, count: int, size: float, attempt: int) -> Points:
+def _mended(points: Points, triangles: Numbers, after: Numbers, size: float, attempt: int) -> Points:
     """Inner points with one more where triangles are too wide or pinned to the boundary, and one less where they are too narrow."""
-    drop = np.zeros(len(points), dtype=bool)
+    count, drop = len(after), np.zeros(len(points), dtype=bool)
     added = np.empty((0, 2))
     pinned = np.flatnonzero((triangles < count).all(axis=1))
     for t in np.union1d(pinned, np.flatnonzero(angles(points, triangles).min(axis=1) < GOOD)):
@@ -214,7 +222,7 @@ def _mended(points: Points, triangles: Numbers, count: int, size: float, attempt
         if len(ends) and is_narrow:
             drop[ends[attempt // 2 % len(ends)]] = True
             continue
-        within = np.where((starts + 1) % count == stops, 0.0, lengths) if t in pinned else lengths
+        within = np.where(_follows(starts, stops, after), 0.0, lengths) if t in pinned else lengths
         k = int(np.argmax(within))
         middle = (points[starts[k]] + points[stops[k]]) / 2.0
         if not len(added) or np.hypot(*(added - middle).T).min() > 0.5 * size:

@@ -1,4 +1,4 @@
-"""Closed polygons: area, self-crossing, points inside, resampling at equal arc length, the largest inscribed circle."""
+"""Closed polygons: area, crossings, points inside, resampling at equal arc length, the largest inscribed circle."""
 
 from __future__ import annotations
 
@@ -33,10 +33,13 @@ def cross(a: Points, b: Points) -> Points:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def closed_edges(count: int) -> Numbers:
-    """The sides of a closed polygon, as pairs of its points."""
-    first = np.arange(count)
-    return np.column_stack((first, (first + 1) % count))
+def closed_edges(*counts: int) -> Numbers:
+    """The sides of closed polygons of so many points, one after the other, as pairs of points."""
+    first = np.arange(sum(counts))
+    after = first + 1
+    stops = np.cumsum(counts)
+    after[stops - 1] = stops - np.array(counts)
+    return np.column_stack((first, after))
 
 
 def first_crossing(points: Points, edges: Numbers) -> tuple[int, int] | None:

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import polar
 from skfem import MeshTri
 
 from tumour import equations as eq
 from tumour import meshes
-from tumour.equations import MOBILITIES
-from tumour.fem import forms, kernel, layout
-from tumour.fem.arrays import FIELDS, KEPT, LOCAL, OUTER, ROWS
+from tumour.fem import forms, kernel, layout, tissue
+from tumour.fem.arrays import ACTIONS, FIELDS, KEPT, LOCAL, OUTER, ROWS
 from tumour.fem.kernel import KERNEL
 from tumour.parameters import TumourParameters
 
@@ -29,15 +29,31 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "contact from a higher fraction": {"alpha_min": 0.85, "alpha_star": 0.7, "sigma_width": 0.1},
     "uptake saturates": {"Q1_hat": 5.0, "Q": 2.0},
     "weak contact": {"gamma": 0.3, "s1": 4.0, "s2": 0.2, "s3": 0.9, "s4": 3.0},
+    "uneven": {"stiffness": "1 + 0.4*x", "permeability": "1.5 + y", "diffusivity": "exp(x*y)", "consumption": "1 + sin(3*x)"},
+    "fibres": {"fibre_angle": 0.4, "fibre_ratio": 2.5, "fibre_stiffness": 0.7, "lambda_alpha": 0.5, "alpha_min": 0.5, "sigma_width": 0.1},
+    "tensors": {"permeability": {"xx": 2.0, "yy": 0.4, "xy": 0.3}, "diffusivity": {"along": 0.5, "across": 2.0}, "fibre_angle": -0.7},
+    "all of it": {
+        "stiffness": "1 + 0.4*x",
+        "permeability": {"xx": "1.5 + x*y", "yy": "0.8 + 0.2*x", "xy": "0.3*sin(y)"},
+        "consumption": "1 + y/2",
+        "diffusivity": {"along": "1.2 - 0.3*x", "across": "0.6 + 0.2*y"},
+        "fibre_angle": "2*theta",
+        "fibre_ratio": "0.3 + 0.2*r",
+        "fibre_stiffness": "0.5 + 0.3*x",
+        "lambda_alpha": 0.3,
+        "mobility": "darcy",
+        "kappa": 2.0,
+    },
 }
 ALL = pytest.mark.parametrize("option", OPTIONS)
 STEPS = pytest.mark.parametrize("printed", [False, True], ids=["conservative", "as printed"])
 TAU = 0.3
+NOTHING = layout.no_edges(), np.zeros((0, ACTIONS))
+"""A surface on which nothing acts."""
 
 
-def data_of(option: str, printed: bool = False) -> kernel.Data:
-    p = TumourParameters(**OPTIONS[option])
-    return kernel.Data(*p.moduli, *p.contact, *p.kinetics, *p.uptake, p.kappa, MOBILITIES[p.mobility], p.mobility_floor, printed)
+def data_of(option: str, mesh: MeshTri, printed: bool = False) -> kernel.Data:
+    return tissue.data_of(TumourParameters(**OPTIONS[option]), layout.elements_of(mesh), mesh.p.T, 1.3, printed=printed)
 
 
 def irregular(rings: int = 3, seed: int = 5) -> MeshTri:
@@ -89,7 +105,8 @@ def past_at(el: kernel.Elements, old: tuple[np.ndarray, np.ndarray], n: int) -> 
 def test_the_element_tangent_is_the_derivative_of_its_residual(option: str, printed: bool) -> None:
     """Central differences with the step 1e-5: rounding, 1e-16/1e-5 of terms up to 1e3 (1/(1-alpha)^3), and 1e-10 times third
     derivatives, up to 1e3 and more for the same reason, relative to the largest entry of the row's kind: 1e-7."""
-    c, mesh = data_of(option, printed), irregular()
+    mesh = irregular()
+    c = data_of(option, mesh, printed)
     el = layout.elements_of(mesh)
     assert el.triangles.tolist() == mesh.t.T.tolist()
     bends = (c.alpha_min - 0.5 * c.sigma_width, c.alpha_min, c.alpha_min + 0.5 * c.sigma_width)
@@ -120,9 +137,10 @@ def test_the_element_tangent_is_the_derivative_of_its_residual(option: str, prin
 @ALL
 def test_two_statements_of_the_element_residual(option: str, printed: bool) -> None:
     """The compiled one and the weak form in scikit-fem, to the rounding of sums of 6 terms that cancel: 1e-12 of the largest row."""
-    c, mesh = data_of(option, printed), irregular()
+    mesh = irregular()
+    c = data_of(option, mesh, printed)
     el = layout.elements_of(mesh)
-    written = forms.Forms(mesh, TumourParameters(**OPTIONS[option]))
+    written = forms.Forms(mesh, TumourParameters(**OPTIONS[option]), c)
     for seed in (1, 2, 3):
         (nodal, bubbles), old = state(mesh, seed), state(mesh, seed + 10)
         nodal[::5, 4] *= -0.1  # below 0, where an iteration may pass
@@ -138,7 +156,8 @@ def test_two_statements_of_the_element_residual(option: str, printed: bool) -> N
 
 def assembled(option: str, printed: bool) -> tuple[Any, ...]:
     """What `tangent` makes of a state at random with loads at random, and the full tangent and residual, element by element."""
-    c, mesh = data_of(option, printed), irregular(2)
+    mesh = irregular(2)
+    c = data_of(option, mesh, printed)
     el, rng = layout.elements_of(mesh), np.random.default_rng(4)
     held = rng.uniform(size=(mesh.nvertices, FIELDS)) < 0.3
     rows = layout.rows_of(el, held)
@@ -146,7 +165,9 @@ def assembled(option: str, printed: bool) -> tuple[Any, ...]:
     loads, bubble_loads = rng.normal(size=nodal.shape), rng.normal(size=bubbles.shape)
     values, kept = np.full(len(rows.indices), np.nan), np.full((mesh.nelements, KEPT), np.nan)
     R, r_bubbles = np.full_like(nodal, np.nan), np.full_like(bubbles, np.nan)
-    assert KERNEL["tangent"](c, el, TAU, nodal, bubbles, *old, loads, bubble_loads, rows.pattern, values, kept, R, r_bubbles) == -1
+    assert (
+        KERNEL["tangent"](c, el, TAU, nodal, bubbles, *old, loads, bubble_loads, *NOTHING, rows.pattern, values, kept, R, r_bubbles) == -1
+    )
     size = nodal.size + bubbles.size
     full, right = np.zeros((size, size)), -np.concatenate([loads.ravel(), bubble_loads.ravel()])
     for n in range(mesh.nelements):
@@ -171,13 +192,13 @@ def dense(rows: layout.Rows, values: np.ndarray) -> np.ndarray:
 def test_the_condensed_system_is_the_full_one(option: str, printed: bool) -> None:
     """The change by the condensed system and `bubble_changes`, against that of the full dense system: 1e-10, the rounding of two ways to
     eliminate, times a condition of 1e4 to 1e5."""
-    _, el, rows, held, at, values, kept, R, r_bubbles, full, right = assembled(option, printed)
+    c, el, rows, held, at, values, kept, R, r_bubbles, full, right = assembled(option, printed)
     nodal = at[0]
     if option == "free fluid":  # no row has p in it but those of the momentum: hold it everywhere, as the scheme does
         held[:, 3] = True
         rows = layout.rows_of(el, held)
         values = np.empty(len(rows.indices))
-        KERNEL["tangent"](data_of(option, printed), el, TAU, nodal, at[1], *at[2], at[3], at[4], rows.pattern, values, kept, R, r_bubbles)
+        KERNEL["tangent"](c, el, TAU, nodal, at[1], *at[2], at[3], at[4], *NOTHING, rows.pattern, values, kept, R, r_bubbles)
     free = np.concatenate([rows.free, nodal.size + np.arange(at[1].size)])
     whole = np.zeros(len(right))
     whole[free] = np.linalg.solve(full[np.ix_(free, free)], -right[free])
@@ -197,7 +218,7 @@ def test_a_residual_with_an_old_tangent_condenses_by_that() -> None:
     c, el, rows, _, (nodal, bubbles, old, loads, bubble_loads), values, kept, _, _, full, _ = assembled("lambda", False)
     nodal, bubbles = nodal + 1e-2 * np.random.default_rng(8).normal(size=nodal.shape), 0.5 * bubbles
     R, r_bubbles = np.empty_like(nodal), np.empty_like(bubbles)
-    assert KERNEL["residual"](c, el, TAU, nodal, bubbles, *old, loads, bubble_loads, kept, R, r_bubbles) == -1
+    assert KERNEL["residual"](c, el, TAU, nodal, bubbles, *old, loads, bubble_loads, *NOTHING, kept, R, r_bubbles) == -1
     right = -np.concatenate([loads.ravel(), bubble_loads.ravel()])
     for n in range(len(el.areas)):
         r, _ = element(c, el, n, unknowns(el, nodal, bubbles, n), np.ones((6, 2)))
@@ -216,14 +237,15 @@ def test_a_residual_with_an_old_tangent_condenses_by_that() -> None:
 def test_residual_and_tangent_give_the_same_residual(printed: bool) -> None:
     c, el, _, _, (nodal, bubbles, old, loads, bubble_loads), _, kept, R, r_bubbles, _, _ = assembled("darcy", printed)
     other, other_bubbles = np.empty_like(R), np.empty_like(r_bubbles)
-    KERNEL["residual"](c, el, TAU, nodal, bubbles, *old, loads, bubble_loads, kept, other, other_bubbles)
+    KERNEL["residual"](c, el, TAU, nodal, bubbles, *old, loads, bubble_loads, *NOTHING, kept, other, other_bubbles)
     np.testing.assert_allclose(other, R, rtol=1e-12, atol=1e-12)  # rounding, in another order of compiled sums at the most
     np.testing.assert_allclose(other_bubbles, r_bubbles, rtol=1e-12, atol=1e-12)
 
 
 def test_triangles_that_are_turned_over_are_named() -> None:
     """By all three that look, at any point of the rule, be it only through a bubble."""
-    c, mesh = data_of("paper"), irregular(2)
+    mesh = irregular(2)
+    c = data_of("paper", mesh)
     el = layout.elements_of(mesh)
     rows = layout.rows_of(el, np.zeros((mesh.nvertices, FIELDS), dtype=bool))
     nothing = np.zeros((mesh.nvertices, FIELDS)), np.zeros((mesh.nelements, 2))
@@ -231,7 +253,7 @@ def test_triangles_that_are_turned_over_are_named() -> None:
 
     def codes(nodal: np.ndarray, bubbles: np.ndarray) -> list[int]:
         R, r = np.empty_like(nodal), np.empty_like(bubbles)
-        args = (c, el, TAU, nodal, bubbles, *nothing, *nothing)
+        args = (c, el, TAU, nodal, bubbles, *nothing, *nothing, *NOTHING)
         return [
             KERNEL["turned_over"](el, nodal, bubbles), KERNEL["residual"](*args, kept, R, r),
             KERNEL["tangent"](*args, rows.pattern, np.empty(len(rows.indices)), kept.copy(), R, r),
@@ -273,10 +295,17 @@ def test_the_rule_of_quadrature_and_the_bubble() -> None:
     assert np.dot(KERNEL["bubble_gradient"](corners, *l), 2.0 * step) == pytest.approx(up - down, rel=1e-8)  # rounding: 1e-16/1e-6
 
 
+def tissue_at(c: kernel.Data, el: kernel.Elements) -> tuple[Any, ...]:
+    """Stiffness (n, q), permeability (n, q, 2, 2), and direction, push and stiffness of fibres at the quadrature points."""
+    rows = np.broadcast_to(c.tissue if c.stride else c.tissue[0], (6 * len(el.areas), 12)).reshape(-1, 6, 12)
+    return rows[..., 0], rows[..., [1, 3, 3, 2]].reshape(-1, 6, 2, 2), (rows[..., 8:10], rows[..., 10], rows[..., 11])
+
+
 @ALL
 def test_moments_and_what_is_observed_are_plain_sums(option: str) -> None:
     """Against NumPy on all quadrature points at once; rounding."""
-    c, mesh = data_of(option), irregular()
+    mesh = irregular()
+    c = data_of(option, mesh)
     el, (nodal, bubbles) = layout.elements_of(mesh), state(mesh, 6)
     p = TumourParameters(**OPTIONS[option])
     slopes = np.stack([np.prod(np.delete(el.points, k, axis=1), axis=1) for k in range(3)], axis=1)  # of l0 l1 l2 by each
@@ -297,14 +326,21 @@ def test_moments_and_what_is_observed_are_plain_sums(option: str) -> None:
         np.testing.assert_allclose(out[row], sums(density), rtol=1e-12, atol=1e-14)
     slope = np.einsum("na,nai->ni", local[:, :, 3], el.gradients)
     M = eq.mobility(alpha, *p.flow) if p.kappa > 0.0 else 0.0 * alpha
-    flow = (M * J)[..., None] * np.einsum("nqij,nqkj,nk->nqi", inverse, inverse, slope)
+    m, K, (a, push, stiff) = tissue_at(c, el)
+    R = np.array([[polar(at)[0] for at in row] for row in F])
+    flow = (M * J)[..., None] * np.einsum("nqij,nqjk,nqkl,nqml,nqom,no->nqi", inverse, R, K, R, inverse, slope)
     at = np.einsum("nq,nqi,nai->na", weights, flow, el.gradients)
     np.testing.assert_allclose(out[3], np.bincount(el.triangles.ravel(), at.ravel()), rtol=1e-12, atol=1e-12)
 
     levels, seen, shares = np.array([0.3, np.nan, 0.7]), np.empty((3, mesh.nvertices)), np.empty(3)
     KERNEL["observe"](c, el, nodal, bubbles, levels, seen, shares)
-    load = p.lambda_alpha * (J - 1.0) - pressure - eq.contact_pressure(alpha, *p.contact)
-    P = p.mu_alpha * F + (load * J - p.mu_alpha)[..., None, None] * inverse.swapaxes(2, 3)
+    contact = eq.contact_pressure(alpha, *p.contact)
+    load = m * p.lambda_alpha * (J - 1.0) - pressure - contact
+    P = m[..., None, None] * p.mu_alpha * F + (load * J - m * p.mu_alpha)[..., None, None] * inverse.swapaxes(2, 3)
+    fibres = np.einsum("nqij,nqj->nqi", F, a)
+    square = np.sum(fibres**2, axis=2)
+    size = 2.0 * stiff * (square - 1.0) - push * contact * J / square
+    P += size[..., None, None] * fibres[..., :, None] * a[..., None, :]
     for row, density in enumerate((J, np.sqrt(np.sum(P**2, axis=(2, 3))), alpha * J)):
         np.testing.assert_allclose(seen[row], sums(density), rtol=1e-12)
     below = [[KERNEL["share_below"](level, *corners) for corners in local[:, :, 4]] for level in levels]

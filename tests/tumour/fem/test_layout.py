@@ -9,7 +9,8 @@ import pytest
 
 from tumour import meshes
 from tumour.fem import layout
-from tumour.fem.kernel import FIELDS, KERNEL, OUTER
+from tumour.fem.arrays import FIELDS, OUTER
+from tumour.fem.kernel import KERNEL
 
 CASES = ("none", "some", "most", "whole points", "a field", "one unknown left", "of one triangle")
 
@@ -104,9 +105,8 @@ def test_shape_functions_and_the_mass_matrix() -> None:
 
 def rigid_of(body: Any) -> layout.RigidMotions:
     points = np.ascontiguousarray(body.mesh.p.T)
-    fixed = np.zeros((len(points), 2), dtype=bool)
-    fixed[body.slide_x, 0] = fixed[body.slide_y, 1] = True
-    return layout.RigidMotions(layout.elements_of(body.mesh), points, fixed)
+    shifts = np.array([not len(body.slide_x), not len(body.slide_y)])
+    return layout.RigidMotions(layout.elements_of(body.mesh), points, shifts, bool(shifts.all()))
 
 
 def means(body: Any, d: np.ndarray, bubbles: np.ndarray) -> tuple[np.ndarray, float]:
@@ -165,8 +165,7 @@ def test_what_is_held_and_aligned_of_bodies_that_slide() -> None:
     held = 0 if len(x) == 2 else 1
     assert abs(arm[1 - held]) > 0.6  # the other across its arm, of which much is left: it cannot turn
 
-    slides = np.flatnonzero(np.abs(points[:, 1]) < 1e-12)
-    half = layout.RigidMotions(layout.elements_of(body.mesh), points, np.isin(np.arange(37), slides)[:, None] & np.array([False, True]))
+    half = layout.RigidMotions(layout.elements_of(body.mesh), points, np.array([True, False]), False)
     assert (half.shifts.tolist(), half.turns, half.held.sum()) == ([True, False], False, 1)
     assert half.held[:, 0].sum() == 1
     d, bubbles = rng.normal(size=points.shape), rng.normal(size=(54, 2))

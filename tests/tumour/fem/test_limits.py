@@ -13,7 +13,8 @@ from scipy.sparse.linalg import spsolve
 
 from tumour import exact, meshes
 from tumour.equations import net_growth
-from tumour.fem.kernel import FIELDS, KERNEL, LOCAL, OUTER, ROWS
+from tumour.fem.arrays import FIELDS, LOCAL, OUTER, ROWS
+from tumour.fem.kernel import KERNEL
 from tumour.fem.newton import Point, Step
 
 # -- Uniform growth -----------------------------------------------------------------------------------------------------

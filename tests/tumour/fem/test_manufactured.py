@@ -224,7 +224,10 @@ class Forced(MiniScheme):
     def __init__(self, exact: Any, mesh: MeshTri, alpha_step: str = "conservative") -> None:
         self.on = manufactured.OnMesh(exact, mesh)
         ends = self.on.boundary
-        body = Body(mesh=mesh, surface=ends, slide_x=ends, slide_y=ends, radius=1.0, area=1.0, is_round=False, quality=None)
+        nothing = np.empty((0, 2), dtype=np.int64)
+        body = Body(
+            mesh=mesh, surface=ends, edges=nothing, sides={}, slide_x=ends, slide_y=ends, radius=1.0, area=1.0, is_round=False, quality=None
+        )  # fmt: skip
         super().__init__(exact.parameters, TumourInitial(alpha=0.8), body, TumourSolver(newton_tol=1e-11, alpha_step=alpha_step))
 
     def boundary(self, t: float) -> np.ndarray:

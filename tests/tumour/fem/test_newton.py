@@ -25,7 +25,7 @@ def step_from(scheme: Any, u: np.ndarray, tau: float) -> Step:
     loads[:, 3] += moments[1]
     if not scheme.printed:
         loads[:, 2] += moments[0]
-    return Step(tau, loads, bubble_loads, scheme.point(u))
+    return Step(tau, loads, bubble_loads, scheme.point(u), scheme.acting)
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,9 @@ def test_no_rigid_motion_and_no_force_at_any_step(make_mini: Any, run_elastic: A
         turn = np.sum(weights * (X[..., 0] * d[..., 1] - X[..., 1] * d[..., 0]))
         R, r = np.empty_like(point.nodal), np.empty_like(point.bubbles)
         zero, kept = (np.zeros_like(point.nodal), np.zeros_like(point.bubbles)), np.zeros((len(el.areas), KEPT))
-        KERNEL["residual"](scheme.constants, el, 1.0, point.nodal, point.bubbles, *zero, *zero, kept, R, r)
+        KERNEL["residual"](
+            scheme.constants, el, 1.0, point.nodal, point.bubbles, *zero, *zero, scheme.surface.edges, scheme.acting, kept, R, r
+        )
         seen.append([np.abs(mean).max(), abs(turn), np.abs(R[:, :2]).max(), np.abs(r).max(), np.abs(point.nodal[:, :2]).max()])
         return solved
 
