@@ -240,9 +240,20 @@ def _compare(options: argparse.Namespace) -> int:
     from multiphase.compare import compare
     from multiphase.result import load
 
+    if options.output is not None:
+        _check_output(Path(options.output), (".png", ".pdf", ".svg"))
+    for name in (options.a, options.b):
+        if not Path(name).exists():
+            raise ParameterError(
+                "", f"there is no file '{name}'; looked for {Path(name).absolute()}. Check the name, or run the scene first."
+            )
     comparison = compare(load(options.a), load(options.b))
     print(comparison.to_json() if options.json else comparison.table())
-    return EXCEEDED if options.tol is not None and comparison.exceeds(options.tol) else DONE
+    if options.output is not None:
+        comparison.save_figure(options.output)
+        print(f"{options.output} written", file=sys.stderr if options.json else sys.stdout)
+    exceeded = comparison.refusals or (options.tol is not None and comparison.exceeds(options.tol))
+    return EXCEEDED if exceeded else DONE
 
 
 def _precision(options: argparse.Namespace) -> int:
@@ -378,6 +389,7 @@ def _parser() -> argparse.ArgumentParser:
     compare = add("compare", _compare, "differences of two results on their common times and positions", a=result, b=result)
     compare.add_argument("--tol", type=_tolerance, metavar="X", help="exit 1 when a difference relative to its scale exceeds X")
     compare.add_argument("--json", **json_flag)
+    compare.add_argument("-o", "--output", metavar="FIGURE", help="draw the differences: .png, .pdf or .svg")
     precision = add("precision", _precision, "speed against error of a scene: every method, several cells and tolerances")
     takes_scene(precision)
     precision.add_argument("-o", "--output", metavar="FOLDER", help="where the table, the CSV file and the picture go (SCENE-precision)")

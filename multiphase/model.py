@@ -17,6 +17,7 @@ from multiphase.errors import ParameterError
 from multiphase.marks import Marks
 
 if TYPE_CHECKING:
+    from multiphase.compare_profiles import Profiles
     from multiphase.plan import Plan
     from multiphase.result import Result
     from multiphase.scene import Scene
@@ -29,7 +30,8 @@ class Quantity:
     """One named output: its symbol for plots, its meaning, and how its unit follows from the scales.
 
     `dimension` gives the exponents of the scene's scales, for instance ``{"length": 1, "time": -1}`` for
-    a velocity; empty for a fraction. `kind` is "field" (on the cells) or "scalar".
+    a velocity; empty for a fraction. `kind` is "field" (on the cells) or "scalar". `no_say` is for what has no say in whether two
+    results agree, such as an error that a solution measures of itself: why, as a clause after "as".
     """
 
     name: str
@@ -37,6 +39,7 @@ class Quantity:
     description: str
     dimension: Mapping[str, int] = field(default_factory=dict)
     kind: str = "field"
+    no_say: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +149,8 @@ class Model:
         What the table [boundary] of a scene holds, where the model has parts of a boundary.
     marks : callable(result) -> Marks
         What the pictures of a result on triangles show besides its fields. The result may be in physical units or not.
+    profiles : callable(result) -> Profiles or None
+        What can be compared with results of another dimension, shape or material. The result may be in physical units or not.
     """
 
     name: str
@@ -171,6 +176,7 @@ class Model:
     fronts: tuple[str, ...] = ()
     boundary: type[NamedTables] | None = None
     marks: Callable[[Result], Marks] = lambda result: Marks()
+    profiles: Callable[[Result], Profiles | None] = lambda result: None
 
 
 @cache

@@ -21,6 +21,7 @@ from tumour.marks import marks_of
 from tumour.parameters import ELASTIC_FIELDS, VISCOUS_FIELDS, TumourInitial, TumourParameters
 from tumour.plan import plan_of
 from tumour.presets import PRESETS
+from tumour.profiles import profiles_of
 from tumour.solver import TumourSolver
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 VELOCITY = {"length": 1, "time": -1}
 LENGTH = {"length": 1}
+
+_OF_MESH = "it measures the error of the mesh first of all"
+_UNBOUNDED = "it has no bound where growth ends; growth rate and size have one"
 
 _QUANTITIES = (
     Quantity("alpha", r"\alpha", "cell fraction"),
@@ -44,11 +48,11 @@ _QUANTITIES = (
     Quantity("volume", r"|\Omega|", "volume of the body", {"length": 3}, kind="scalar"),
     Quantity("cell_mass", r"\int \alpha", "cell fraction, integrated over the dimensionless body", kind="scalar"),
     Quantity("growth_rate", "R'", "growth rate of the radius", VELOCITY, kind="scalar"),
-    Quantity("doubling_time", "T_2", "doubling time of the size", {"time": 1}, kind="scalar"),
+    Quantity("doubling_time", "T_2", "doubling time of the size", {"time": 1}, kind="scalar", no_say=_UNBOUNDED),
     Quantity("C_min", r"C_\mathrm{min}", "least oxygen", {"concentration": 1}, kind="scalar"),
     Quantity("necrotic_fraction", r"\phi_\mathrm{nec}", "share of the body with C below C_necrotic", kind="scalar"),
     Quantity("hypoxic_fraction", r"\phi_\mathrm{hyp}", "share of the body with C below C_hypoxic", kind="scalar"),
-    Quantity("asymmetry", r"a", "largest over least distance of the surface from the middle, less 1", kind="scalar"),
+    Quantity("asymmetry", r"a", "largest over least distance of the surface from the middle, less 1", kind="scalar", no_say=_OF_MESH),
     Quantity("necrotic_radius", r"R_\mathrm{nec}", "radius within which C is below C_necrotic", LENGTH, kind="scalar"),
     Quantity("hypoxic_radius", r"R_\mathrm{hyp}", "radius within which C is below C_hypoxic", LENGTH, kind="scalar"),
     Quantity("rim_width", r"R - R_\mathrm{nec}", "width of the rim around the necrotic core", LENGTH, kind="scalar"),
@@ -251,6 +255,7 @@ MODEL = Model(
     fronts=("hypoxic_radius", "necrotic_radius"),
     boundary=TumourBoundary,
     marks=marks_of,
+    profiles=profiles_of,
 )
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from skfem import MeshTri
 
+from multiphase.cli import main
 from multiphase.compare import Comparison, Difference, compare
 from multiphase.errors import ParameterError
 from multiphase.mesh import Mesh
@@ -384,3 +386,141 @@ def test_what_is_not_finite_is_said_in_words() -> None:
     row = next(line for line in table.splitlines() if line.startswith("doubling_time "))
     assert row.split() == ["doubling_time", "not", "finite", "in", "one", "0.5"]
     assert "inf" not in table.replace("finite", "")
+
+
+# -- What counts, and what the scenes say -----------------------------------------------------------------------------
+
+
+def test_what_has_no_say_is_shown_and_does_not_count() -> None:
+    """The asymmetry of a disk on a mesh: an error of the mesh first of all."""
+    a = replace(on_mesh(), scalars={"area": 1 + on_mesh().t, "asymmetry": np.array([0.0, 1e-3, 2e-3])})
+    b = change(a, "asymmetry", 2, 1e-3)
+    found = compare(a, b)
+    assert of(found, "asymmetry").relative_to_scale == pytest.approx(1 / 3)
+    assert found.worst == 0.0
+    assert not found.exceeds(0.0)
+    assert "asymmetry has no say, as it measures the error of the mesh first of all" in found.notes
+    assert found.table().splitlines()[-1] == "worst: area, 0.000e+00 of its scale (balance defects and asymmetry not counted)"
+    assert compare(a, change(b, "area", 1, 0.3)).exceeds(0.09)
+
+
+def test_tolerance_and_refusals() -> None:
+    """Equal to the tolerance is within it; where no agreement is claimed, no tolerance is large enough."""
+    found = compare(sample(), change(sample(), "L", 1, 0.05))
+    assert [found.exceeds(tol) for tol in (0.0, 0.99 * found.worst, found.worst, 1.0)] == [True, True, False, False]
+    refused = replace(found, refusals=("A: it is not round",))
+    assert refused.exceeds(1e300)
+    assert refused.table().splitlines()[-1] == "no agreement is claimed: A: it is not round"
+
+
+def test_the_scenes_say_what_differs() -> None:
+    text = '[geometry]\nkind = "{}"\n[parameters]\nb = {}\nPsi_l = {{ times = [{}], values = [1, 2] }}\n[solver]\ncells = {}\n'
+    long = ", ".join(map(str, range(40)))
+    a, b = (
+        replace(sample(), scene=text.format("slab", 1.0, long, 8)),
+        replace(sample(), scene=text.format("annulus", 2.0, f"{long}, 99", 9)),
+    )
+    assert compare(a, b).notes == (
+        'scenes differ: geometry.kind is "slab" in A, "annulus" in B',
+        "scenes differ: parameters.b is 1.0 in A, 2.0 in B",
+        "scenes differ: parameters.Psi_l.times has other numbers in B",
+        "different bodies: fields are compared at equal x/width, and integrals are over bodies of different shape",
+    )
+    assert compare(a, a).notes == ()
+    assert not any("scenes differ" in note for note in compare(a, replace(b, scene="")).notes)
+
+
+def test_courses_and_profiles() -> None:
+    """The largest difference at each common time, and over the body when it is largest, over the scale."""
+    found = compare(sample(), change(change(sample(), "n", (1, 2), 0.25), "n", (2, 5), -0.0625))
+    entry = of(found, "n")
+    assert entry.course == (0.0, 0.25 / 1.875, 0.0625 / 1.875)
+    assert entry.along == tuple(((i + 0.5) / 8, 0.25 / 1.875 if i == 2 else 0.0) for i in range(8))
+    assert of(found, "L").course == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("mesh", [False, True])
+def test_json_gives_the_comparison_back(mesh: bool) -> None:
+    a = on_mesh() if mesh else sample()
+    b = change(change(a, "alpha" if mesh else "n", (1, 2), np.nan), "area" if mesh else "L", 1, 0.1)
+    found = replace(compare(a, b), refusals=("A: why",), notes=("one", "two"), costs=("cheap", ""))
+    assert found.worst == np.inf
+    assert Comparison.from_json(found.to_json()) == found
+    assert "Infinity" not in found.to_json()
+    assert "NaN" not in found.to_json()
+    scattered = replace(found, scatter=(replace(found.differences[-1], kind="scatter", side="B", rms=0.1),))
+    assert Comparison.from_json(scattered.to_json()) == scattered
+
+
+def test_scatter_counts() -> None:
+    entry = Difference(name="n", kind="scatter", side="B", max_abs=0.4, rms=0.2, scale=2.0, relative_to_scale=0.1, time=1.0, xi=0.5)
+    found = replace(compare(sample(), sample()), scatter=(entry,))
+    assert found.worst == 0.1
+    table = found.table().splitlines()
+    assert table[-1] == "worst: scatter of n in B, 1.000e-01 of its scale (balance defects not counted)"
+    assert table[-3].split() == ["n", "B", "2.000e-01", "1.000e-01", "4.000e-01", "1", "0.5000"]
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
+def test_the_figure_of_differences(tmp_path: Path, suffix: str) -> None:
+    found = compare(sample(), change(sample(), "n", (1, 2), 0.25))
+    found.save_figure(tmp_path / f"a.{suffix}")
+    assert (tmp_path / f"a.{suffix}").stat().st_size > 1000
+    fields, along, scalars = found.figure().axes
+    np.testing.assert_allclose(fields.lines[0].get_ydata(), [np.nan, 0.25 / 1.875, np.nan])  # nothing to see is a gap
+    assert np.nanmax(along.lines[0].get_ydata()) == 0.25 / 1.875
+    assert along.get_xlabel() == "x/width"
+    assert len(scalars.lines) == 1  # not the defect
+    assert fields.get_yscale() == "log"
+
+
+def test_the_figure_of_no_difference_and_of_meshes() -> None:
+    same = compare(sample(), sample()).figure()
+    assert ["no difference" in [text.get_text() for text in axes.texts] for axes in same.axes] == [True, True, True]
+    a = on_mesh()
+    assert len(compare(a, change(a, "alpha", (1, 7), 0.25)).figure().axes) == 2  # no positions 0 to 1
+    with pytest.raises(ParameterError, match="must end in"):
+        compare(a, a).save_figure("a.gif")
+
+
+def test_columns_of_places_where_there_are_some() -> None:
+    a = on_mesh()
+    heading = next(line for line in compare(a, a).table().splitlines() if line.startswith("quantity"))
+    assert heading.endswith("at rest (x, y)")
+    scalars = compare(a, replace(a, mesh=None, x=np.ones((3, 5)), fields={"alpha": np.ones((3, 5))})).table()
+    assert "x/width" not in scalars
+    assert "at rest" not in scalars
+
+
+def test_a_mesh_and_cells_in_the_same_units() -> None:
+    """A result on a mesh has no x, and so no unit of it."""
+    a = replace(on_mesh(), units={"area": "mm²", "points": "mm"})
+    b = replace(a, mesh=None, x=np.ones((3, 5)), fields={}, units={"area": "mm²", "x": "mm"})
+    assert compare(a, b).worst == 0.0
+    assert compare(b, a).worst == 0.0
+
+
+# -- The command ------------------------------------------------------------------------------------------------------
+
+
+def test_the_command_says_where_it_looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    sample().save("a.h5")
+    for files in (("a.h5", "runs/b.h5"), ("runs/b.h5", "a.h5")):
+        assert main(["compare", *files]) == 2
+        assert f"there is no file 'runs/b.h5'; looked for {tmp_path / 'runs' / 'b.h5'}" in capsys.readouterr().err
+
+
+def test_the_command_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    sample().save("a.h5")
+    change(sample(), "n", (1, 2), 0.25).save("b.h5")
+    assert main(["compare", "a.h5", "b.h5", "-o", "d.png", "--tol", "0.2"]) == 0
+    assert Path("d.png").read_bytes().startswith(b"\x89PNG")
+    assert capsys.readouterr().out.endswith("d.png written\n")
+    assert main(["compare", "a.h5", "b.h5", "-o", "d.svg", "--tol", "0.1", "--json"]) == 1
+    output = capsys.readouterr()
+    assert Comparison.from_json(output.out).worst == 0.25 / 1.875
+    assert output.err == "d.svg written\n"
+    assert main(["compare", "a.h5", "b.h5", "-o", "d.gif"]) == 2
+    assert not Path("d.gif").exists()
