@@ -120,7 +120,8 @@ def _run(options: argparse.Namespace) -> int:
 
         def on_start(self, state: State, t_end: float) -> None:
             plan = scene.model.plan(scene)
-            print(f"{scene.title}\n{plan.solver}, {plan.geometry}, to t = {words(scene.time.end)}", flush=True)
+            reduced = "".join(f"\nreduced by {reduction.name}: {reduction.saves}" for reduction in plan.reductions)
+            print(f"{scene.title}\n{plan.solver}, {plan.geometry}, to t = {words(scene.time.end)}{reduced}", flush=True)
 
     progress = False if options.quiet else Progress(describe=words)
     existing: Existing = "resume" if options.resume else "replace" if options.force else "refuse"

@@ -72,7 +72,7 @@ class Expression:
 
     def _refusal(self, why: str) -> ParameterError:
         stop = "" if why.endswith(("?", ".")) else "."
-        allowed = f"{', '.join((*self.variables, *CONSTANTS))}, numbers, + - * / **, brackets and {', '.join(FUNCTIONS)}"
+        allowed = f"{', '.join((*self.variables, *CONSTANTS))}, numbers, + - * / ** < <= > >=, brackets and {', '.join(FUNCTIONS)}"
         example = f'"0.9 - 0.1*exp(-5*{self.variables[-1]})"'
         return ParameterError(self.path, f'"{self.text}" {why}{stop} A formula may use {allowed}; for instance {example}.')
 

@@ -7,6 +7,33 @@ from dataclasses import asdict, dataclass
 
 
 @dataclass(frozen=True, slots=True)
+class Reduction:
+    """A smaller system than the scene's full one, with the same answer; ``plan.reduce = false`` in a scene keeps the full one.
+
+    Attributes
+    ----------
+    name : str
+        What is made use of, for instance "uniform state".
+    reason : str
+        Why the answer is the same.
+    saves : str
+        What is not solved for then, and the unknowns of a step without and with it.
+    """
+
+    name: str
+    reason: str
+    saves: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.reason}; saves {self.saves}"
+
+
+def fewer(full: int, reduced: int) -> str:
+    """Unknowns of a step without and with a reduction, in words."""
+    return f"{full} unknowns a step down to {reduced}"
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """What will be solved for a scene.
 
@@ -32,6 +59,8 @@ class Plan:
         Up to where the other defects are no fault of the run, either.
     boundary : tuple of str
         What acts on each named part of the boundary.
+    reductions : tuple of Reduction
+        Which properties of the scene make the system smaller, and what that saves.
     """
 
     solver: str
@@ -44,6 +73,7 @@ class Plan:
     open_balances: tuple[str, ...] = ()
     balance_limit: float = 1e-9
     boundary: tuple[str, ...] = ()
+    reductions: tuple[Reduction, ...] = ()
 
     def to_json(self) -> str:
         return json.dumps(asdict(self), indent=1, ensure_ascii=False)
@@ -54,6 +84,7 @@ class Plan:
         for title, rows in (
             ("equations", self.equations),
             ("boundary", self.boundary),
+            ("reduced", tuple(str(reduction) for reduction in self.reductions)),
             ("left out", self.dropped),
             ("because", self.reasons),
             ("warning", self.warnings),

@@ -25,7 +25,7 @@ from multiphase.model import Model
 from multiphase.parameters import Scales, from_table
 from multiphase.plan import Plan
 from multiphase.result import Result
-from multiphase.scene import OutputTable, Scene, TimeTable, differences, parse_scene
+from multiphase.scene import OutputTable, PlanTable, Scene, TimeTable, differences, parse_scene
 from multiphase.stepping import Control, State, StopRun, Tracker, integrate, start
 from multiphase.trackers import Balances, Interrupts, Progress, Recorder
 
@@ -263,7 +263,9 @@ def _starting_state(scene: Scene, scheme: Any, result: Result) -> tuple[State, l
     size = scheme.initial().size
     if state.u.shape[1] != size:
         raise ParameterError(
-            "--resume", f"the stored state has {state.u.shape[1]} values, this run {size}: was it made with other extra_terms?"
+            "--resume",
+            f"the stored state has {state.u.shape[1]} values, this run {size}: was it made with other extra_terms, or before a "
+            "change of what the plan leaves out? Run it anew, with --force or another -o (in Python: overwrite=True, file=...).",
         )
     last = float(result.t[-1]) if result.t.size else -1.0
     return state, [t for t in save_at if t > last and t >= state.times[-1]]
@@ -313,6 +315,7 @@ def make_scene(
     title: str = "",
     scales: Scales | Mapping[str, Any] | None = None,
     fields: Sequence[str] | None = None,
+    reduce: bool = True,
 ) -> Scene:
     """A scene from Python values, checked as a scene file is."""
     if isinstance(geometry, str):
@@ -333,6 +336,7 @@ def make_scene(
         boundary=boundary,
         time=TimeTable.make(t_end, save_at=save_at, save_every=save_every),
         solver=replace(model.solver(), **(solver or {})),
+        plan=PlanTable(reduce=reduce),
         output=OutputTable(fields=tuple(fields) if fields is not None else None),
         scales=Scales.from_table(scales) if isinstance(scales, Mapping) else scales,
     )

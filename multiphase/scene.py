@@ -348,13 +348,15 @@ def differences(a: Scene, b: Scene) -> list[str]:
     """
     one, other = _flat(a.to_table()), _flat(b.to_table())
     ignored = ("scene.title", "scene.based_on", "output.file", "time.save_at", "time.save_every", "solver.max_steps")
-    found = []
+    names = [list(table.get("boundary", {})) for table in (a.to_table(), b.to_table())]
+    found, alone = [], tuple(f"boundary.{name}." for name in set(names[0]) ^ set(names[1]))
     for path in dict.fromkeys((*one, *other)):
-        if path not in ignored and one.get(path) != other.get(path):
+        if path not in ignored and not path.startswith(alone or ("\n",)) and one.get(path) != other.get(path):
             shown, given = _shown(one.get(path)), _shown(other.get(path))
             values = f"{shown} in the file, {given} in the scene" if shown != given else "other numbers in the file than in the scene"
             found.append(f"{path}: {values}")
-    names = [list(table.get("boundary", {})) for table in (a.to_table(), b.to_table())]
+    for where, own, others in (("file", *names), ("scene", *reversed(names))):
+        found += [f'boundary.{name}: the part "{name}" is only in the {where}' for name in own if name not in others]
     if names[0] != names[1] and set(names[0]) == set(names[1]):
         found.append(f"boundary: the parts come in the order {', '.join(names[0])} in the file, {', '.join(names[1])} in the scene")
     common = min(a.time.end, b.time.end)

@@ -13,7 +13,9 @@ from multiphase.model import Model, Panel, Quantity
 from multiphase.plan import Plan
 from multiphase.stepping import Tracker
 from plaque1d.parameters import PRESETS, PlaqueGeometry, PlaqueInitial, PlaqueParameters, PlaqueSolver, check
-from plaque1d.stability import ShortWaves, drag_warning
+from plaque1d.plan import plan_of
+from plaque1d.reductions import fixed_fractions_because
+from plaque1d.stability import ShortWaves
 
 if TYPE_CHECKING:
     from multiphase.result import Result
@@ -73,39 +75,6 @@ def _check(scene: Scene) -> None:
         )
 
 
-_TIME = {
-    "radau": "Radau IIA of order five with error control and dense output",
-    "bdf2": "error-controlled BDF of order two",
-    "backward-euler": "backward Euler",
-}
-
-
-def _plan(scene: Scene) -> Plan:
-    """Which method, geometry and form; what is eliminated; a warning where the drag form grows short waves."""
-    p: PlaqueParameters = scene.parameters
-    geometry: PlaqueGeometry = scene.geometry
-    cells, (method, time_scheme) = scene.solver.cells, scene.solver.resolved
-    form = "with the interfacial force p_n grad n" if p.momentum == "interfacial" else "drag only, as printed"
-    wall = "n_x(0, t) = 0" if p.inner_wall == "no_gradient" else f"n(0, t) = {p.inner_wall:g}"
-    how = "compiled finite volumes" if method == "lines" else "Newton's method on FiPy's finite volumes"
-    return Plan(
-        solver=method,
-        geometry=_domain(geometry, cells),
-        equations=_equations(geometry, form),
-        unknowns=(4 if geometry.annulus and p.momentum == "drag" else 3) * cells + 1,
-        dropped=(
-            "c = 1 - n: the fractions add to one",
-            "p_n: the sum of the momentum balances, integrated from the outer wall, gives it afterwards",
-            "the mixture velocity: it is V" + (" R_2 / r" if geometry.annulus else ", uniform"),
-        ),
-        reasons=(
-            f"inner wall: {wall}, the condition that the printed equations leave open",
-            f"method {method}: {how}, {_TIME[time_scheme]}",
-        ),
-        warnings=drag_warning(p, scene.initial, scene.time.end),
-    )
-
-
 def _check_hoop(p: PlaqueParameters) -> None:
     """In the annulus strain dissipates, nu (e_r^2 + e_theta^2)/2 + lambda e_r e_theta >= 0, only for lambda >= -mu."""
     for phase, mu, lambda_ in (("n", p.mu_n, p.lambda_n), ("m", p.mu_m, p.lambda_m)):
@@ -114,30 +83,6 @@ def _check_hoop(p: PlaqueParameters) -> None:
                 f"parameters.lambda_{phase}",
                 f"{lambda_:g} is below -mu_{phase} = {-mu:g}: in the annulus a strain would then gain energy. Take {-mu:g} or more.",
             )
-
-
-def _domain(geometry: PlaqueGeometry, cells: int) -> str:
-    if not geometry.annulus:
-        return f"slab, 0 <= x <= L(t), {cells} equal cells in xi = x / L"
-    return f"annulus, R_1 = {geometry.inner_radius:g} <= r <= R_1 + L(t), {cells} cells of equal area"
-
-
-def _equations(geometry: PlaqueGeometry, form: str) -> tuple[str, ...]:
-    """One line for each equation that is solved."""
-    slip = f"slip w = u_m - u_n  difference of the momentum balances, {form}  (3.8d,e)"
-    if not geometry.annulus:
-        return (
-            "necrotic phase      (L n)_t + (n (u_n - xi V))_xi = k_m L l c             (3.10a)",
-            "modified LDL        (L l)_t + (l (V - xi V) - l_xi / L)_xi = -k_l L l c    (3.10b)",
-            slip,
-            "width               L' = V = Psi_m l(0, t)                                (3.9)",
-        )
-    return (
-        "necrotic phase      (W n)_t + (n (r u_n - eta W'))_eta = k_m W l c, W = (R_2^2 - R_1^2)/2, eta = (r^2 - R_1^2)/(2 W)  (3.3)",
-        "modified LDL        (W l)_t + (l (1 - eta) W' - r^2 l_eta / W)_eta = -k_l W l c  (3.3)",
-        slip,
-        "area                W' = R_1 Psi_m l(R_1, t)  (3.7)",
-    )
 
 
 def _trackers(scene: Scene) -> tuple[Tracker, ...]:
@@ -153,10 +98,12 @@ def _scheme(scene: Scene, plan: Plan, *, extra_terms: ExtraTerms | None = None) 
         return FipyScheme(scene.parameters, scene.initial, geometry, solver.cells, solver.rtol, extra_terms)
     if extra_terms is not None:
         raise ParameterError("solver.method", f'"{solver.method}" takes no extra_terms; they are FiPy terms, so write method = "fipy".')
-    from plaque1d.lines_scheme import LinesScheme, RadauLines
+    from plaque1d import lines_scheme
 
-    scheme = RadauLines if time_scheme == "radau" else LinesScheme
-    return scheme(scene.parameters, scene.initial, geometry, solver.cells, solver.rtol)
+    is_fixed, own = bool(fixed_fractions_because(scene)), time_scheme == "radau"
+    whole = lines_scheme.RadauLines if own else lines_scheme.LinesScheme
+    fixed = lines_scheme.FixedFractionsRadau if own else lines_scheme.FixedFractionsLines
+    return (fixed if is_fixed else whole)(scene.parameters, scene.initial, geometry, solver.cells, solver.rtol)
 
 
 def _summary(result: Result) -> list[tuple[str, str]]:
@@ -199,7 +146,7 @@ MODEL = Model(
     film="n",
     scenes="plaque1d.scenes",
     check=_check,
-    plan=_plan,
+    plan=plan_of,
     scheme=_scheme,
     summary=_summary,
     ends=("lumen | endothelium", "media"),
@@ -231,6 +178,7 @@ def simulate(
     extra_terms: Callable[..., Any] | None = None,
     scales: Any = None,
     title: str = "",
+    reduce: bool = True,
 ) -> Result:
     """Grow a plaque.
 
@@ -266,6 +214,8 @@ def simulate(
         Further FiPy terms and species; see `plaque1d.extensions`.
     scales : mapping, optional
         Physical units for display, as the table [scales] of a scene.
+    reduce : bool
+        Solve the smallest system that gives the answer (the default), or the full one.
 
     Returns
     -------
@@ -296,6 +246,7 @@ def simulate(
         title=title,
         scales=scales,
         solver=settings,
+        reduce=reduce,
     )
     return run(
         scene,

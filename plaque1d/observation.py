@@ -26,7 +26,10 @@ SCALARS = ("L", "L_rate", "l_wall", "n_wall", "n_total", "c_total", "l_total", "
 
 
 def cell_averages(function: Callable[..., Array], grid: MovingGrid, geometry: PlaqueGeometry, L: float) -> Array:
-    """Averages over the cells of a function of x and xi = x/L, by Gauss's rule of three points."""
+    """Averages over the cells of a function of x and xi = x/L, by Gauss's rule of three points; of a number, that number."""
+    constant = getattr(function, "constant", None)
+    if constant is not None:
+        return np.full(grid.cells, float(constant))
     share = grid.centres[:, None] + 0.5 * grid.spacing * GAUSS_POINTS
     x = geometry.position(share.ravel(), geometry.size(L))
     values = np.asarray(function(x=x, xi=x / L), dtype=float).reshape(share.shape)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 KERNEL = Kernel(fv, observation, parts=(layout, slip, laws, eq, geometry, transport))
 """The compiled discretisation, which the schemes of the plaque share."""
 
-_BOUNDS = {
+BOUNDS = {
     1: "n leaves [0, 1] by more than rtol",
     2: "l falls below 0 by more than rtol",
     3: "the size of the wall is no longer positive",
@@ -47,7 +47,7 @@ class SemiDiscrete(lines.SemiDiscrete):
 
     kernel = KERNEL
     fields, scalars = observation.FIELDS, observation.SCALARS
-    bounds = _BOUNDS
+    bounds = BOUNDS
 
     def __init__(
         self,
@@ -130,7 +130,7 @@ class SemiDiscrete(lines.SemiDiscrete):
     def out_of_bounds(self, number: int) -> str:
         """The bound that a step broke, in words."""
         cure = f"; raise p_out to A = {self.parameters.A:g}, or use momentum = interfacial"
-        return _BOUNDS[number] + (cure if number == 4 else "")
+        return BOUNDS[number] + (cure if number == 4 else "")
 
     def snapshot(self, t: float, u: Array, extra: dict[str, Array], added: tuple[float, float]) -> Snapshot:
         """What is stored, with further fields, and integrals of further sources of n and l."""

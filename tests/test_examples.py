@@ -28,6 +28,7 @@ def test_every_example_is_short_and_tested():
     assert set(found) == {
         "first_plaque", "drag_or_interfacial", "hdl_removes_modldl", "mouse_and_human", "stability_of_the_plaque", "plaque_in_a_vessel",
         "first_tumour", "tumour_switches", "quarter_disk_2d", "glioma", "anisotropic_tumour", "tumour_from_image", "draw_tumour_mask",
+        "stability_of_the_disk",
     }  # fmt: skip
     assert max(found["first_plaque"], found["first_tumour"]) <= 30
     assert max(found["quarter_disk_2d"], found["glioma"] - 20) <= 40
@@ -187,3 +188,33 @@ def test_tumour_from_image(capsys):
     assert f"against a bed: {bed.size()}, area {bed['area'][0]:.3f} -> {bed['area'][-1]:.3f}" in said
     for name in ("tumour_from_image", "tumour_against_a_bed"):
         assert Path(f"{name}.png").stat().st_size > 10_000
+
+
+def test_stability_of_the_disk(capsys):
+    critical = _load("stability_of_the_disk").main(cells=50, dt=0.4, lambdas=(0.0, 0.05, 0.3))
+    # 50 cells leave 0.3 of t, more for narrow modes: tests/tumour/test_disk_stability_runs.py has finer ones
+    assert critical[0.0].first[0] == pytest.approx(63.6, abs=0.4)
+    assert critical[0.05].first == (pytest.approx(73.7, abs=0.4), 4)
+    said = capsys.readouterr().out
+    gain = float(said.split("-fold as cos(5 theta)")[0].split()[-1])
+    assert gain == pytest.approx(10.6, rel=0.1)
+    assert "lambda_alpha = 0.05: unstable from t = 73." in said
+    assert "lambda_alpha =  0.3: stable to t = 100" in said
+    assert Path("stability_of_the_disk.png").stat().st_size > 10_000
+
+
+def test_the_scene_of_docs_tissue(tmp_path):
+    """As it stands there, beside the images of the examples, coarser and shorter."""
+    import shutil
+
+    from multiphase.run import run
+    from multiphase.scene import load_scene
+
+    text = (EXAMPLES.parent / "docs" / "tissue.md").read_text(encoding="utf-8")
+    (tmp_path / "real.toml").write_text(text.split("```toml\n")[1].split("```")[0], encoding="utf-8")
+    for name in ("tumour_mask", "tumour_permeability"):
+        shutil.copy(EXAMPLES / f"{name}.png", tmp_path)
+    result = run(load_scene(tmp_path / "real.toml", ["solver.cells=6", "time.end=1.0"]))
+    assert result.status == "completed"
+    assert 1.0 < result["area"][-1] / result["area"][0] < 1.2  # held by a clamp and a bed; a free body grows by 22 % in this time
+    assert np.abs(result["defect_volume"]).max() < 1e-5

@@ -57,7 +57,8 @@ class BoundaryPart:
         Permeability h of a membrane with the oxygen C beyond it: h (C - C at the surface) flows in per length now (a length over a time,
         over the diffusivity: one over a length).
     influx : TimeSeries
-        Oxygen that flows in per length now (oxygen over a length), in time.
+        Oxygen that flows in per length now (oxygen over a length), in time; negative flows out, and may take more than
+        there is (the run warns where oxygen falls below 0).
     """
 
     name: str = ""
@@ -105,6 +106,12 @@ class BoundaryPart:
         if idle:
             given = "both displacements are" if len(held) == 2 else f"displacement_{held[0]} is"
             raise ParameterError(f"{self.path}.{idle[0]}", f"it has no effect where {given} given; leave it out, or let the part move.")
+
+    def acts_at(self, t: float, p_out: float) -> bool:
+        """Whether the part moves, pulls or presses the body, or draws fluid, at time `t`."""
+        forces = (self.displacement_x, self.displacement_y, self.traction_x, self.traction_y, self.load)
+        drawn = isinstance(self.p, TimeSeries) and self.p(t) != p_out
+        return drawn or any(series is not None and series(t) != 0.0 for series in forces)
 
     @property
     def path(self) -> str:

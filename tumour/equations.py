@@ -76,18 +76,22 @@ def contact_pressure_slope(alpha: Number, gamma: float, alpha_star: float, alpha
 def net_growth(alpha: Number, C: Number, s1: float, s2: float, s3: float, s4: float) -> Number:
     """Cells born less cells dying, ``q = (1+s1) C/(1+s1 C) alpha (1-alpha) - (s2+s3 C)/(1+s4 C) alpha`` (2.6).
 
-    The paper prints ``1 + s4`` in the last denominator; its sources have ``1 + s4 C``.
+    The paper prints ``1 + s4`` in the last denominator; its sources have ``1 + s4 C``. For C < 0, where an iteration and a coarse mesh may
+    pass, births and deaths go on along their tangents at 0: the laws' own branches have poles at C = -1/s1 and -1/s4.
     """
-    birth = (1.0 + s1) * C / (1.0 + s1 * C)
-    death = (s2 + s3 * C) / (1.0 + s4 * C)
-    return alpha * (birth * (1.0 - alpha) - death)
+    has, lacks = np.maximum(C, 0.0), np.minimum(C, 0.0)
+    birth = (1.0 + s1) * (has / (1.0 + s1 * has) + lacks)
+    death = (s2 + s3 * has) / (1.0 + s4 * has) + (s3 - s2 * s4) * lacks
+    growth: Number = alpha * (birth * (1.0 - alpha) - death)
+    return growth
 
 
 def net_growth_slopes(alpha: Number, C: Number, s1: float, s2: float, s3: float, s4: float) -> tuple[Number, Number]:
     """Derivatives of `net_growth` with respect to alpha and C."""
-    below_birth, below_death = 1.0 + s1 * C, 1.0 + s4 * C
-    birth = (1.0 + s1) * C / below_birth
-    death = (s2 + s3 * C) / below_death
+    has, lacks = np.maximum(C, 0.0), np.minimum(C, 0.0)
+    below_birth, below_death = 1.0 + s1 * has, 1.0 + s4 * has
+    birth = (1.0 + s1) * (has / below_birth + lacks)
+    death = (s2 + s3 * has) / below_death + (s3 - s2 * s4) * lacks
     birth_slope = (1.0 + s1) / (below_birth * below_birth)
     death_slope = (s3 - s2 * s4) / (below_death * below_death)
     return birth * (1.0 - 2.0 * alpha) - death, alpha * (birth_slope * (1.0 - alpha) - death_slope)

@@ -22,6 +22,7 @@ from tumour.parameters import ELASTIC_FIELDS, VISCOUS_FIELDS, TumourInitial, Tum
 from tumour.plan import plan_of
 from tumour.presets import PRESETS
 from tumour.profiles import profiles_of
+from tumour.reductions import has_radial_data, is_radial, uniform_because
 from tumour.solver import TumourSolver
 
 if TYPE_CHECKING:
@@ -97,17 +98,12 @@ def _ring(geometry: Mapping[str, Any]) -> float | None:
 
 
 def _complete(scene: Scene) -> dict[str, Any]:
-    """The dimension that "auto" stands for where the body is round but what is in it or acts on it is not radial, and the solver with what
-    its defaults stand for on this body."""
+    """The dimension that "auto" stands for where the body is round but not solved along its radius, and the solver with what its defaults
+    stand for on this body."""
     geometry = scene.geometry
-    if geometry.dimension == "auto" and geometry.kind in ("disk", "quarter_disk") and not geometry.eulerian and not _is_radial(scene):
+    if geometry.dimension == "auto" and geometry.kind in ("disk", "quarter_disk") and not geometry.eulerian and not is_radial(scene):
         geometry = replace(geometry, dimension="2d")
     return {"geometry": geometry, "solver": scene.solver.within(geometry)}
-
-
-def _is_radial(scene: Scene) -> bool:
-    """Whether the initial state, the tissue and the surface are such that the radial solver has all of it."""
-    return scene.parameters.is_plain and scene.boundary.is_plain and not scene.initial.alpha.names & {"x", "y", "theta"}
 
 
 def _check(scene: Scene) -> None:
@@ -139,13 +135,17 @@ def _check(scene: Scene) -> None:
 
 
 def _trackers(scene: Scene) -> tuple[Tracker, ...]:
-    """A watch on the shape of a body in two dimensions."""
+    """A watch on the shape of a body in two dimensions, and on the stiffness that keeps a radial disk round."""
     if not scene.geometry.plane:
-        return ()
+        if scene.geometry.m != 2 or scene.geometry.eulerian:
+            return ()
+        from tumour.stability.watch import trackers
+
+        return trackers(scene)
     from tumour.fem.bodies import body_of
     from tumour.fem.watch import Shape
 
-    uniform = _is_radial(scene)
+    uniform = has_radial_data(scene)
     return (Shape(body_of(scene.geometry, scene.solver.cells), is_uniform=uniform),)
 
 
@@ -154,22 +154,20 @@ def _scheme(scene: Scene, plan: Plan) -> Any:
     method, time_scheme = solver.resolved
     if method == "mini":
         from tumour.fem.bodies import body_of
+        from tumour.fem.mirror import mirror_of_scene
         from tumour.fem.scheme import MiniScheme
 
-        return MiniScheme(scene.parameters, scene.initial, body_of(geometry, solver.cells), solver, scene.boundary)
+        body = body_of(geometry, solver.cells)
+        return MiniScheme(scene.parameters, scene.initial, body, solver, scene.boundary, mirror_of_scene(scene))
     if method == "fipy":
         from tumour.fipy_scheme import FipyScheme
 
         return FipyScheme(scene.parameters, scene.initial, geometry, solver)
-    if geometry.eulerian:
-        from tumour.schemes import ViscousLines, ViscousRadau
+    from tumour import schemes
 
-        viscous = ViscousRadau if time_scheme == "radau" else ViscousLines
-        return viscous(scene.parameters, scene.initial, geometry, solver)
-    from tumour.schemes import ElasticLines, ElasticRadau
-
-    elastic = ElasticRadau if time_scheme == "radau" else ElasticLines
-    return elastic(scene.parameters, scene.initial, geometry, solver)
+    name = ("Viscous" if geometry.eulerian else "Elastic") + ("Radau" if time_scheme == "radau" else "Lines")
+    kind = getattr(schemes, f"Uniform{name}" if uniform_because(scene) else name)
+    return kind(scene.parameters, scene.initial, geometry, solver)
 
 
 def _summary(result: Result) -> list[tuple[str, str]]:
@@ -286,6 +284,7 @@ def simulate(
     raise_on_failure: bool = True,
     scales: Any = None,
     title: str = "",
+    reduce: bool = True,
 ) -> Result:
     """Grow a tumour.
 
@@ -335,6 +334,8 @@ def simulate(
         Raise SolverError (the default) or return a result with status "failed".
     scales : mapping, optional
         Physical units for display, as the table [scales] of a scene.
+    reduce : bool
+        Solve the smallest system that gives the answer (the default), or the full one.
 
     Returns
     -------
@@ -380,6 +381,7 @@ def simulate(
         title=title,
         scales=scales,
         solver=settings,
+        reduce=reduce,
     )
     return run(
         scene,

@@ -27,7 +27,11 @@ def scalar_names(m: int) -> tuple[str, ...]:
 
 
 def cell_averages(function: Callable[..., Array], faces: Array, m: int) -> Array:
-    """Averages over the cells of the body at rest of a function of r and xi = r/radius, by Gauss's rule of three points."""
+    """Averages over the cells of the body at rest of a function of r and xi = r/radius, by Gauss's rule of three points; of a number,
+    that number to the last bit, on any cells."""
+    constant = getattr(function, "constant", None)
+    if constant is not None:
+        return np.full(len(faces) - 1, float(constant))
     half = 0.5 * np.diff(faces)[:, None]
     r = 0.5 * (faces[1:] + faces[:-1])[:, None] + half * GAUSS_POINTS
     values = np.asarray(function(r=r.ravel(), xi=r.ravel() / faces[-1]), dtype=float).reshape(r.shape)

@@ -7,14 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from multiphase.parameters import specifications
-from multiphase.plan import Plan
-from multiphase.tensors import TensorFunction
-from tumour.geometry import TumourGeometry
+from multiphase.plan import Plan, Reduction, fewer
+from tumour.geometry import RADIAL_KINDS, TumourGeometry
 from tumour.parameters import TumourParameters
+from tumour.plan_equations import plane_equations, radial_equations
 from tumour.presets import find_preset
+from tumour.reductions import UNIFORM, reductions, unknowns
+from tumour.solver import ONE_CELL
 
 if TYPE_CHECKING:
     from multiphase.scene import Scene
+    from tumour.fem.mirror import Mirror
+    from tumour.fem.surface import Surface
+    from tumour.meshes import Body
 
 _SHAPES = {
     "slab": "slab, from its middle",
@@ -39,7 +44,7 @@ _MOBILITIES = {
 }
 
 BUCKLING_TIME = 60.0
-"""About when the paper's disk, with lambda_alpha = 0, begins to lose its round shape."""
+"""No disk with values like the paper's has buckled before (`tumour.stability`)."""
 STEADY_LAMBDA = 0.3
 """lambda_alpha from which it keeps its shape."""
 
@@ -52,6 +57,7 @@ def plan_of(scene: Scene) -> Plan:
 def _plane_plan(scene: Scene) -> Plan:
     """The plan of a body in two dimensions."""
     from tumour.fem.bodies import body_of
+    from tumour.fem.mirror import mirror_of_scene
     from tumour.fem.surface import Surface
 
     p: TumourParameters = scene.parameters
@@ -59,7 +65,13 @@ def _plane_plan(scene: Scene) -> Plan:
     body = body_of(geometry, solver.cells)
     surface = Surface(body, scene.boundary, p)
     quality = body.quality
-    free = 5 * quality.nodes + 2 * quality.triangles
+    solved = _plane_unknowns(body, surface)
+    mirror = mirror_of_scene(scene)
+    found: tuple[Reduction, ...] = ()
+    if mirror is not None:
+        left = _plane_unknowns(mirror.body, Surface(mirror.body, mirror.boundary, p))
+        found = (_mirrored(mirror, solved, left),)
+        solved = left
     sliding = len({*body.slide_x, *body.slide_y})
     slides = f", slides on {sliding} points of its straight sides" if sliding else ""
     mesh = (
@@ -79,11 +91,12 @@ def _plane_plan(scene: Scene) -> Plan:
     return Plan(
         solver="mini",
         geometry=f"{_SHAPES[geometry.kind]}, {mesh}{slides}",
-        equations=_plane_equations(p, has_oxygen=not surface.has_uniform_oxygen),
-        unknowns=free - int(np.sum(surface.prescribed)),
+        equations=plane_equations(p, has_oxygen=not surface.has_uniform_oxygen),
+        unknowns=solved,
+        reductions=found,
         dropped=tuple(dropped),
         reasons=(
-            "two dimensions: asked for" if geometry.dimension == "2d" else "two dimensions: the body is not round",
+            f"two dimensions: {_why_plane(scene)}",
             *((f"outline {body.origin}",) if body.origin else ()),
             *_tissue(p),
             f"mobility {_mobility(p)}",
@@ -92,42 +105,46 @@ def _plane_plan(scene: Scene) -> Plan:
         ),
         warnings=_warnings(scene),
         open_balances=("defect_cells",) if printed else (),
-        balance_limit=10.0 * solver.newton_tolerance * max(1.0, 1.0 / p.kappa if p.kappa > 0.0 else 1.0),
+        balance_limit=10.0 * solver.newton_tolerance * max(1.0, _easiest_flow(p, body)),
         boundary=surface.describe(),
     )
 
 
-def _plane_equations(p: TumourParameters, *, has_oxygen: bool) -> tuple[str, ...]:
-    """One line for each equation that is solved, on the body at rest."""
-    m = "" if p.stiffness == 1.0 else "m "
-    rows = [
-        ("momentum", f"Div P = 0, P = {m}mu (F - F^-T) + ({m}lambda (J - 1) - p - alpha Sigma) J F^-T", "(2.22a)"),
-        *_fibre_rows(p),
-        ("cells", "(alpha J)_t = J q_alpha(alpha, C)", "(2.22b)"),
-    ]
-    if p.kappa > 0.0:
-        rows.append(("fluid", f"J_t = Div(M(alpha) J {_pull_back(p.permeability, 'K')} grad p)", "(2.22c)"))
-    if has_oxygen:
-        w = "" if p.consumption == 1.0 else "w "
-        rows.append(("oxygen", f"Div(J {_pull_back(p.diffusivity, 'D')} grad C) = J {w}{_uptake(p)}", "(2.22d)"))
-    return tuple(f"{name:<10}{equation:<74}  {number}".rstrip() for name, equation, number in rows)
+def _easiest_flow(p: TumourParameters, body: Body) -> float:
+    """What the flow multiplies an error of the pressure by: the largest permeability over kappa."""
+    from tumour.fem.arrays import PERMEABILITY
+    from tumour.fem.tissue import coefficients
+
+    if p.kappa == 0.0:
+        return 1.0
+    x, y = body.mesh.p
+    xx, yy, xy = coefficients(p, x, y, body.radius)[:, PERMEABILITY : PERMEABILITY + 3].T
+    return float(np.max(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy))) / p.kappa
 
 
-def _fibre_rows(p: TumourParameters) -> list[tuple[str, str, str]]:
-    """What fibres add to the stress."""
-    rows = []
-    if p.fibre_ratio != 1.0:
-        rows.append(("", "    - (rho - 1) alpha Sigma J (F a_0) (x) a_0/|F a_0|^2, rho = fibre_ratio", ""))
-    if p.fibre_stiffness != 0.0:
-        rows.append(("", "    + 2 k_f (|F a_0|^2 - 1) (F a_0) (x) a_0, k_f = fibre_stiffness", ""))
-    return rows
+def _why_plane(scene: Scene) -> str:
+    """Why a body is solved in two dimensions."""
+    if scene.geometry.kind not in RADIAL_KINDS:
+        return "the body is not round"
+    causes = list(scene.parameters.varying)
+    causes += ["initial.alpha"] if scene.initial.alpha.names & {"x", "y", "theta"} else []
+    causes += ["boundary"] if not scene.boundary.is_plain else []
+    return f"{', '.join(causes)} may differ by direction" if causes else "asked for"
 
 
-def _pull_back(tensor: TensorFunction, symbol: str) -> str:
-    """What stands between J and a gradient."""
-    if tensor == 1.0:
-        return "F^-1 F^-T"
-    return f"{symbol} F^-1 F^-T" if tensor.is_isotropic else f"U^-1 {symbol} U^-1"
+def _plane_unknowns(body: Body, surface: Surface) -> int:
+    return 5 * body.quality.nodes + 2 * body.quality.triangles - int(np.sum(surface.prescribed))
+
+
+def _mirrored(mirror: Mirror, full: int, reduced: int) -> Reduction:
+    """What is made use of where the body is its own mirror image."""
+    lines = " and ".join(f"{axis} -> -{axis}" for axis in mirror.axes)
+    part = {2: "half", 4: "a quarter"}[mirror.copies]
+    return Reduction(
+        "mirror symmetry",
+        f"{lines} leaves mesh, initial state, tissue and surface as they are, and so the solution as long as it keeps its shape",
+        f"all but {part} of the body: {fewer(full, reduced)}",
+    )
 
 
 def _tissue(p: TumourParameters) -> tuple[str, ...]:
@@ -147,22 +164,25 @@ def _radial_plan(scene: Scene) -> Plan:
     how = "compiled finite volumes" if method == "lines" else "Newton's method on FiPy's finite volumes"
     printed = scene.solver.alpha_step == "as-printed"
     rest = "equal in xi = r/R; eulerian" if geometry.eulerian else "equal at rest; lagrangian"
-    oxygen = ("oxygen: Q = 0 makes it C_out everywhere; its equation is solved all the same",) if p.Q == 0.0 else ()
+    found = reductions(scene)
+    is_uniform = any(reduction.name == UNIFORM for reduction in found)
+    kept = ("oxygen: Q = 0 makes it C_out everywhere; its equation is solved all the same",) if p.Q == 0.0 and not is_uniform else ()
     reasons = (
         f"radial (dimension {geometry.m}): the body and all that acts on it are the same in every direction, and the equations keep that",
         f"mobility {_mobility(p)}",
         f"method {method}: {how}, {_TIME[time_scheme]}",
-        *oxygen,
+        *kept,
     )
     return Plan(
         solver=method,
         geometry=f"{_SHAPES[geometry.kind]}, 0 <= r <= R(t), {cells} cells {rest}",
-        equations=_viscous_equations(p, geometry) if geometry.eulerian else _elastic_equations(p, geometry.m),
-        unknowns=3 * cells + (2 if geometry.eulerian else 0),
+        equations=radial_equations(p, geometry, is_uniform=is_uniform),
+        unknowns=unknowns(scene, ONE_CELL if is_uniform else cells),
         dropped=_dropped(p, geometry),
         reasons=reasons,
         warnings=_warnings(scene),
         open_balances=("defect_cells",) if printed else (),
+        reductions=found,
     )
 
 
@@ -171,43 +191,6 @@ def _mobility(p: TumourParameters) -> str:
         return "infinite, as kappa = 0"
     law = _MOBILITIES[p.mobility]
     return law.replace("1/(kappa", f"1/({p.mobility_floor:g} + kappa") if p.mobility_floor > 0.0 else law
-
-
-def _powers(m: int) -> tuple[str, str]:
-    """What stands before and within a divergence, per symbol of the radius: r^(1-m) and r^(m-1)."""
-    return {1: ("", ""), 2: ("X^-1 ", "X "), 3: ("X^-2 ", "X^2 ")}[m]
-
-
-def _elastic_equations(p: TumourParameters, m: int) -> tuple[str, ...]:
-    """One line for each equation that is solved, on the body at rest: the point at R is at r(R, t)."""
-    flow = "p = p_out, with p from the momentum balance" if p.kappa == 0.0 else "r_t = (M(alpha)/l_r) p_R, l_r = r_R"
-    before, within = (text.replace("X", "R") for text in _powers(m))
-    return _rows(
-        ("cells", "(alpha J)_t = J q_alpha(alpha, C)", "(2.22b)"),
-        ("fluid", flow, "(2.22c)"),
-        ("oxygen", f"{before}({within}(J/l_r^2) C_R)_R = J {_uptake(p)}", "(2.22d)"),
-    )
-
-
-def _viscous_equations(p: TumourParameters, geometry: TumourGeometry) -> tuple[str, ...]:
-    """One line for each equation that is solved, on the body as it is: r = xi R(t)."""
-    flow = "p = p_out, with p from the momentum balance" if p.kappa == 0.0 else "u = M(alpha) p_r, with p from the momentum balance"
-    before, within = (text.replace("X", "r") for text in _powers(geometry.m))
-    return _rows(
-        ("cells", f"alpha_t + {before}({within}alpha u)_r = q_alpha(alpha, C)", "(2.1), (2.6)"),
-        ("fluid", flow, "(2.4), (2.13)"),
-        ("oxygen", f"{before}({within}C_r)_r = {_uptake(p)}", ""),
-        ("surface", "R' = u(R)", ""),
-    )
-
-
-def _uptake(p: TumourParameters) -> str:
-    return "Q alpha C" if p.Q1_hat == 0.0 else "Q alpha C/(1 + Q1_hat C)"
-
-
-def _rows(*rows: tuple[str, str, str]) -> tuple[str, ...]:
-    """Name, equation and number in columns."""
-    return tuple(f"{name:<10}{equation:<48}  {number}".rstrip() for name, equation, number in rows)
 
 
 def _dropped(p: TumourParameters, geometry: TumourGeometry) -> tuple[str, ...]:
@@ -248,12 +231,11 @@ def _warnings(scene: Scene) -> tuple[str, ...]:
         then = (
             "errors of the mesh grow many times before, from about t = 44 on, and the run may end there."
             if scene.geometry.plane
-            else f"this run holds it round, so from t = {BUCKLING_TIME:g} on it may show a state that a disk free to lose its shape does "
-            "not keep."
+            else "this run holds it round, and says when."
         )
         warnings.append(
-            "an elastic disk with values like the paper's is expected to buckle at about t = 61 to 64 with lambda_alpha = 0, and not with "
-            f"{STEADY_LAMBDA:g} or more; with {p.lambda_alpha:g} {then}"
+            f"an elastic disk with values like the paper's may buckle in this time (with lambda_alpha = 0 from t = 61 to 64 on, not with "
+            f"{STEADY_LAMBDA:g} or more): {then}"
         )
     return tuple(warnings)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,11 +12,12 @@ from multiphase import lines, newton, transport
 from multiphase.errors import SolverError
 from multiphase.geometry import MovingGrid
 from multiphase.lines import Kernel
+from multiphase.stepping import Snapshot
 from tumour import equations as eq
 from tumour import eulerian, laws, observation, radial
 from tumour.geometry import TumourGeometry
 from tumour.parameters import ELASTIC_FIELDS, VISCOUS_FIELDS, TumourInitial, TumourParameters
-from tumour.solver import TumourSolver
+from tumour.solver import ONE_CELL, TumourSolver
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,8 @@ ELASTIC = Kernel(radial, parts=(observation, eulerian, laws, eq, transport), rec
 """The compiled elastic discretisation."""
 VISCOUS = Kernel(eulerian, parts=(observation, radial, laws, eq, transport), record=observation.record_viscous)
 """The compiled viscous discretisation."""
+STRIDE = radial.STRIDE
+"""Unknowns of a cell, in both."""
 
 
 class Radial(lines.SemiDiscrete):
@@ -32,14 +35,23 @@ class Radial(lines.SemiDiscrete):
     Parameters
     ----------
     parameters, initial, geometry, solver : TumourParameters, TumourInitial, TumourGeometry, TumourSolver
+    cells : int, optional
+        Others than the solver's.
     """
 
     constants: Any
 
-    def __init__(self, parameters: TumourParameters, initial: TumourInitial, geometry: TumourGeometry, solver: TumourSolver) -> None:
+    def __init__(
+        self,
+        parameters: TumourParameters,
+        initial: TumourInitial,
+        geometry: TumourGeometry,
+        solver: TumourSolver,
+        cells: int | None = None,
+    ) -> None:
         self.kernel.announce()
         self.parameters, self.geometry, self.solver = parameters, geometry, solver
-        cells = solver.within(geometry).cells
+        cells = solver.within(geometry).cells if cells is None else cells
         assert cells is not None
         self.cells, self.m, self.rtol = cells, geometry.m, solver.rtol
         self.grid = MovingGrid(cells)
@@ -174,3 +186,64 @@ class ViscousLines(Viscous, lines.Implicit):
 
 class ViscousRadau(Viscous, lines.Radau):
     """The viscous tumour with an integrator of its own."""
+
+
+class Uniform(Radial):
+    """A body whose state is uniform, solved on one cell: what its schemes share.
+
+    A uniform state satisfies the discrete equations of any number of cells to rounding, with the same numbers, and the norms of errors are
+    the same as well; so the steps, too, are those on all cells. What is stored is that of the vector spread over the scene's cells, which
+    is linear in it and so goes with the polynomial of a step.
+    """
+
+    whole: ClassVar[type[Radial]]
+
+    def __init__(self, parameters: TumourParameters, initial: TumourInitial, geometry: TumourGeometry, solver: TumourSolver) -> None:
+        self._whole = self.whole(parameters, initial, geometry, solver)
+        super().__init__(parameters, initial, geometry, solver, cells=ONE_CELL)
+
+    def spread(self, vectors: Array) -> Array:
+        """Vectors of the scene's cells, (..., size), of vectors of one cell."""
+        N = self._whole.cells
+        cells = np.repeat(vectors[..., None, :STRIDE], N, axis=-2)
+        cells[..., 2] = self._outwards(vectors[..., 2:STRIDE])
+        return np.concatenate([cells.reshape(*vectors.shape[:-1], STRIDE * N), vectors[..., STRIDE:]], axis=-1)
+
+    def _outwards(self, surface: Array) -> Array:
+        """The third unknown of a cell on all outer faces, (..., cells), of that at the surface, (..., 1)."""
+        raise NotImplementedError
+
+    def snapshots(self, wanted: Sequence[float], times: Array, past: Array) -> list[Snapshot]:
+        """What is stored at the times `wanted`, on the scene's cells."""
+        return self._whole.snapshots(wanted, times, self.spread(past))
+
+
+class UniformElastic(Uniform):
+    """r^m/m grows as the volume does; a body at rest stays so to the last bit."""
+
+    def _outwards(self, surface: Array) -> Array:
+        V = self._whole.constants.V
+        return np.asarray(V[1:] * (surface / V[-1]))
+
+
+class UniformViscous(Uniform):
+    """The velocity grows as the radius does."""
+
+    def _outwards(self, surface: Array) -> Array:
+        return np.asarray(self._whole.grid.faces[1:] * surface)
+
+
+class UniformElasticLines(UniformElastic, ElasticLines):
+    whole = ElasticLines
+
+
+class UniformElasticRadau(UniformElastic, ElasticRadau):
+    whole = ElasticRadau
+
+
+class UniformViscousLines(UniformViscous, ViscousLines):
+    whole = ViscousLines
+
+
+class UniformViscousRadau(UniformViscous, ViscousRadau):
+    whole = ViscousRadau

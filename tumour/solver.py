@@ -13,6 +13,9 @@ from tumour.presets import find_preset
 RADIAL_CELLS, DISK_CELLS, OTHER_CELLS = 200, 40, 20
 """Cells from the middle to the surface where a scene does not say: of radial bodies, of disks in two dimensions, of other shapes."""
 
+ONE_CELL = 1
+"""Cells on which a state that is uniform in space is solved: see `tumour.reductions`."""
+
 NEWTON_SHARE = 1e-2
 """Newton tolerance over rtol in two dimensions, unless a scene gives it."""
 

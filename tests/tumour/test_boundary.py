@@ -281,3 +281,13 @@ def test_a_run_with_a_part() -> None:
     assert np.all(moved[held] == 0.0)
     assert moved.max() > 1e-3
     assert 'where = "y < -0.5"' in result.scene
+
+
+def test_a_part_that_was_renamed_is_one_difference() -> None:
+    """Not one for each of its keys."""
+    one = parse("boundary.bone.where=x > 0", "boundary.bone.spring=1")
+    other = parse("boundary.bome.where=x > 0", "boundary.bome.spring=1")
+    assert differences(one, other) == [
+        'boundary.bone: the part "bone" is only in the file',
+        'boundary.bome: the part "bome" is only in the scene',
+    ]

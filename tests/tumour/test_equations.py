@@ -179,3 +179,16 @@ def test_compiled_laws_are_all_there_and_agree(points: dict[str, np.ndarray]) ->
             # the compiler may fuse or reorder a few operations
             np.testing.assert_allclose(getattr(laws, name)(*arguments), plain(*arguments), rtol=1e-14, atol=1e-15)
             assert len(getattr(laws, name).signatures) == 1
+
+
+def test_kinetics_below_0_go_on_along_their_tangents() -> None:
+    """Value and slopes are continuous at C = 0, and there is no pole at C = -1/s1 or -1/s4."""
+    alpha = np.array([0.3, 0.8])
+    up, down = (np.array(eq.net_growth_slopes(alpha, C, *PAPER)) for C in (1e-12, -1e-12))
+    np.testing.assert_allclose(up, down, atol=1e-9)  # second derivatives of some hundreds times 2e-12
+    for C in (-0.05, -0.1, -0.7):
+        linear = eq.net_growth(alpha, 0.0, *PAPER) + C * eq.net_growth_slopes(alpha, 0.0, *PAPER)[1]
+        np.testing.assert_allclose(eq.net_growth(alpha, C, *PAPER), linear, rtol=1e-14)
+        h = 1e-6
+        by_C = (eq.net_growth(alpha, C + h, *PAPER) - eq.net_growth(alpha, C - h, *PAPER)) / (2.0 * h)
+        np.testing.assert_allclose(eq.net_growth_slopes(alpha, C, *PAPER)[1], by_C, rtol=1e-8)  # rounding over h

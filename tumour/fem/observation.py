@@ -87,11 +87,14 @@ class Observation:
             "J": self.project(sums[0]),
             "stress_magnitude": np.maximum(self.project(sums[1]), 0.0),  # the projection of what falls steeply may undershoot
         }
+        if scheme.mirror is not None:
+            fields = scheme.mirror.spread(fields)
+            scalars |= {name: scheme.mirror.copies * scalars[name] for name in ("area", "cell_mass")}
         self.seconds += time.perf_counter() - started
         return Snapshot(t, scalars, fields, None)
 
     def _asymmetry(self, nodal: Array) -> float:
         """Largest over least distance of the surface from the middle, less 1."""
         body = self._scheme.body
-        distances = np.hypot(*(self._scheme.mesh.points[body.surface] + nodal[body.surface, :2]).T)
+        distances = np.hypot(*(self._scheme.points[body.surface] + nodal[body.surface, :2]).T)
         return float(distances.max() / distances.min() - 1.0)

@@ -30,6 +30,7 @@ from tumour.boundary import TumourBoundary
 from tumour.fem import layout
 from tumour.fem.arrays import FIELDS
 from tumour.fem.bodies import fraction
+from tumour.fem.mirror import Mirror
 from tumour.fem.newton import Newton, Point, Step
 from tumour.fem.observation import Observation
 from tumour.fem.surface import Surface
@@ -47,6 +48,10 @@ RATE_STEP = 1e-6
 """Step over which the rate of the volume at t = 0 is taken where the fluid flows freely."""
 
 
+LEAST_RAMP = 1.0 / 64.0
+"""Least share of what acts on a surface at once that is added where no equilibrium is found with all of it."""
+
+
 class MiniScheme:
     """One implicit step of the tumour on a mesh; see `multiphase.stepping.Scheme`.
 
@@ -56,11 +61,15 @@ class MiniScheme:
     body : tumour.meshes.Body
     boundary : TumourBoundary, optional
         What acts on named parts of the surface; all of it is free without.
+    mirror : Mirror, optional
+        The part of the body that is solved, of which the rest is images; all of the body without.
 
     Attributes
     ----------
     side : int
         Which data hold at a time at which they jump: those before (-1) or after it (1).
+    points : (points, 2) array
+        Of the part of the body that is solved; `mesh` is all of it.
     acting : (edges, ACTIONS) array
         What acted on the edges of the surface in the last step.
     """
@@ -69,18 +78,23 @@ class MiniScheme:
     """Points that the first guess of a step is extrapolated from."""
 
     def __init__(
-        self, parameters: TumourParameters, initial: TumourInitial, body: Body, solver: TumourSolver, boundary: TumourBoundary | None = None
-    ) -> None:
+        self, parameters: TumourParameters, initial: TumourInitial, body: Body, solver: TumourSolver,
+        boundary: TumourBoundary | None = None, mirror: Mirror | None = None,
+    ) -> None:  # fmt: skip
         p = parameters
+        whole, self.mirror = body, mirror
+        if mirror is not None:
+            body, boundary = mirror.body, mirror.boundary
         self.parameters, self.initial_values, self.body, self.solver, self.rtol = p, initial, body, solver, solver.rtol
         self.printed = solver.alpha_step == "as-printed"
-        points = np.ascontiguousarray(body.mesh.p.T)
+        self.points = points = np.ascontiguousarray(body.mesh.p.T)
         self.elements = layout.elements_of(body.mesh)
-        self.mesh = Mesh(points, self.elements.triangles)
+        self.mesh = Mesh(np.ascontiguousarray(whole.mesh.p.T), np.ascontiguousarray(whole.mesh.t.T, dtype=np.int64))
         self.count, self.triangles = len(points), len(self.elements.areas)
         self.constants = data_of(p, self.elements, points, body.radius, printed=self.printed)
         self.surface = Surface(body, boundary or TumourBoundary(), p)
         self.breaks, self.kinks, self.side = self.surface.jumps, self.surface.breaks, -1
+        self._from: tuple[tuple[Array, Array], float] | None = None
         self.acting = self.surface.actions(0.0, 1)
         self.kernel = self._kernel()
         self.prescribed = self._prescribed()
@@ -122,7 +136,19 @@ class MiniScheme:
 
     def boundary(self, t: float) -> Array:
         """Values of the prescribed unknowns at `t`, (points, 5)."""
-        return self.surface.values(t, self.side)
+        values = self.surface.values(t, self.side)
+        if self._from is not None:
+            (before, _), share = self._from
+            values = before + share * (values - before)
+        return values
+
+    def _acting(self, t: float) -> Array:
+        """What acts on the edges of the surface at `t`."""
+        actions = self.surface.actions(t, self.side)
+        if self._from is not None:
+            (_, before), share = self._from
+            actions = before + share * (actions - before)
+        return actions
 
     def loads(self, t: float, tau: float) -> tuple[Array, Array]:
         """What a study adds to the right-hand sides, (points, 5) and (elements, 2); nothing here."""
@@ -158,7 +184,7 @@ class MiniScheme:
         u = np.zeros(self._parts[-1])
         point = self.point(u)
         self.side = 1
-        point.nodal[:] = self.boundary(0.0)
+        point.nodal[:, P:] = self.boundary(0.0)[:, P:]  # the body is at rest, wherever parts of its surface are about to be moved to
         point.nodal[:, ALPHA] = fraction(self.initial_values, self.body)
         self.rest(u)[0][:] = self._moments(point)[:2]
         self.observation.begin(u)
@@ -167,13 +193,22 @@ class MiniScheme:
             u = self._let_go(0.0, u).u
         except StepFailure as failure:
             raise SolverError(
-                f"no equilibrium was found at t = 0 ({failure}). Take an initial alpha nearer to alpha_star, a smaller p_out, or a larger "
-                "lambda_alpha; with kappa = 0 the body takes its equilibrium at once, and a small kappa lets it go there in time.",
+                f"no equilibrium was found at t = 0 ({failure}). {self._advice()}Take an initial alpha nearer to alpha_star, a smaller "
+                "p_out, or a larger lambda_alpha; with kappa = 0 the body takes its equilibrium at once, and a small kappa lets it go "
+                "there in time.",
                 time=0.0,
             ) from failure
         self.rest(u)[2][:] = self._first_rate(u)
         self.newton.forget()
         return u
+
+    def _advice(self) -> str:
+        """What to do about parts that act at t = 0."""
+        acting = [part.name for part in self.surface.parts if part.acts_at(0.0, self.parameters.p_out)]
+        if not acting:
+            return ""
+        names = ", ".join(f'"{name}"' for name in acting)
+        return f"What acts on {names} at once should rise from 0 over a short time, as {{ times = [0, 0.1], values = [0, ...] }} does. "
 
     def _first_rate(self, u: Array) -> float:
         """Rate of the volume at t = 0: what flows in from the surface, whose own points, moving with it, are left out; with a fluid that
@@ -202,11 +237,39 @@ class MiniScheme:
 
     def _let_go(self, t: float, u: Array) -> Solved:
         """The equilibrium of the stresses and the oxygen that goes with it, with the data after `t`, in no time."""
+        before = (self.surface.values(t, -1), self.surface.actions(t, -1)) if t > 0.0 else self._at_rest(u)
         self.side = 1
         try:
             return self.solve(t, np.inf, u, u)
+        except StepFailure as failure:
+            return self._ramp(t, u, before, failure)
         finally:
-            self.side = -1
+            self.side, self._from = -1, None
+
+    def _at_rest(self, u: Array) -> tuple[Array, Array]:
+        """What is prescribed and acts before the body is let go: nothing moves, pulls or presses it."""
+        values, actions = self.surface.values(0.0, 1), self.surface.actions(0.0, 1)
+        values[:, :2] = 0.0
+        actions[:, :3] = 0.0
+        return values, actions
+
+    def _ramp(self, t: float, u: Array, before: tuple[Array, Array], failure: StepFailure) -> Solved:
+        """The same in shares of what is prescribed and acts, from what did before."""
+        if not self.surface.parts:
+            raise failure
+        share, step, guess, iterations = 0.0, 0.5, u, 0
+        while True:
+            self._from = before, min(1.0, share + step)
+            try:
+                found = self.solve(t, np.inf, u, guess)
+            except StepFailure:
+                step *= 0.5
+                if step < LEAST_RAMP:
+                    raise failure from None
+                continue
+            share, guess, iterations = self._from[1], found.u, iterations + found.iterations
+            if share == 1.0:
+                return Solved(found.u, iterations, found.memory)
 
     def recall(self, memory: Array) -> None:
         """Hold the tangent again that `memory` tells of."""
@@ -222,7 +285,7 @@ class MiniScheme:
         loads[:, P] += moments[1]
         if not self.printed:
             loads[:, ALPHA] += moments[0]
-        self.acting = self.surface.actions(t, self.side)
+        self.acting = self._acting(t)
         step = Step(tau, loads, bubble_loads, self.point(past), self.acting)
         point, iterations = self.newton.solve(step, self._admissible(t, guess, past), lambda: self._admissible(t, past, past))
         return Solved(self._vector(step, past, point), iterations, self.newton.memory)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
+from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from multiphase.stepping import StepFailure
 from tumour import equations as eq
@@ -20,6 +20,10 @@ Array = NDArray[np.float64]
 
 ROUNDING = 1e-4
 """Share of the largest eigenvalue of the inverse below which one of the other sign does not count."""
+RESTARTS = 50
+"""Restarts of the iteration for an eigenvalue after which it is given up: some seconds on ten thousand triangles."""
+SHORTAGE = 0.01
+"""Oxygen below 0, over the largest, that is said to be why a run cannot go on."""
 LOST = 0.02
 """Stiffness, over that at rest, below which a body that cannot go on is said to have lost its stability."""
 
@@ -65,6 +69,8 @@ def stiffness(scheme: MiniScheme, u: Array) -> tuple[float, int]:
     finally:
         newton.recall(memory)
     which = 0 if values[0] < -ROUNDING * values[1] else 1
+    if values[which] == 0.0:
+        raise StepFailure("no eigenvalue was found at the end of the spectrum that counts")
     mode = np.zeros_like(root)
     mode[moves] = vectors[:, which] / root[moves]
     return 1.0 / float(values[which]), int(np.argmax(np.hypot(*mode.T)))
@@ -77,12 +83,21 @@ def _is_symmetric(scheme: MiniScheme) -> bool:
 
 
 def _both_ends(inverse: LinearOperator, start: Array, *, symmetric: bool) -> tuple[Array, Array]:
-    """The eigenvalues of the inverse with the least and the largest real part, and their vectors: a state buckles where one passes 0."""
-    if symmetric:
-        values, vectors = eigsh(inverse, k=2, which="BE", v0=start, tol=1e-6)
-        return values, vectors
-    ends = [eigs(inverse, k=1, which=which, v0=start, tol=1e-6) for which in ("SR", "LR")]
-    return np.array([values[0].real for values, _ in ends]), np.column_stack([vectors[:, 0].real for _, vectors in ends])
+    """The eigenvalues of the inverse with the least and the largest real part, and their vectors: a state buckles where one passes 0.
+
+    Those of stiff changes of shape crowd at 0, where the iteration does not get on: an end that it does not reach is there.
+    """
+    solver, ends = (eigsh, ("SA", "LA")) if symmetric else (eigs, ("SR", "LR"))
+    values, vectors = np.zeros(2), np.zeros((len(start), 2))
+    for i, end in enumerate(ends):
+        try:
+            value, vector = solver(inverse, k=1, which=end, v0=start, tol=1e-6, maxiter=RESTARTS)
+        except ArpackNoConvergence:
+            continue
+        values[i], vectors[:, i] = value[0].real, vector[:, 0].real
+    if not values.any():
+        raise StepFailure(f"no eigenvalue was found in {RESTARTS} restarts")
+    return values, vectors
 
 
 def sliding(scheme: MiniScheme, u: Array) -> tuple[float, Array]:
@@ -112,13 +127,13 @@ def sliding(scheme: MiniScheme, u: Array) -> tuple[float, Array]:
     holds = m * c.mu + 2.0 * tissue[..., REINFORCEMENT] * (square - 1.0) - tissue[..., PUSH] * contact * J / square
     holds += m * (c.lam + c.mu / J**2) * across**2
     n, q = np.unravel_index(int(np.argmin(holds)), holds.shape)
-    return float(holds[n, q]), l[q] @ scheme.mesh.points[el.triangles[n]]
+    return float(holds[n, q]), l[q] @ scheme.points[el.triangles[n]]
 
 
 def _rigid_motions(scheme: MiniScheme, displacement: Array, root: Array) -> Array:
     """The rigid motions that the body as it is can make, weighted and orthonormal: (points, 2, motions)."""
     rigid = scheme.newton.rigid
-    x = scheme.mesh.points + displacement
+    x = scheme.points + displacement
     motions = [np.eye(2)[k] + 0.0 * x for k in range(2) if rigid.shifts[k]]
     if rigid.turns:
         motions.append(np.column_stack([-x[:, 1], x[:, 0]]))
@@ -131,6 +146,13 @@ def _rigid_motions(scheme: MiniScheme, displacement: Array, root: Array) -> Arra
 
 def explain(scheme: MiniScheme, u: Array) -> str:
     """A sentence on the stability of a state that no step leads on from; empty if it is stable."""
+    oxygen = scheme.point(u).nodal[:, 4]
+    if oxygen.min() < -SHORTAGE * np.abs(oxygen).max():
+        x, y = scheme.points[int(np.argmin(oxygen))]
+        return (
+            f"Oxygen has fallen to {oxygen.min():.2g}, below 0, near ({x:.3g}, {y:.3g}) of the body at rest: more is drawn out than there "
+            "is, or the triangles are too wide for the layer in which it is taken up; more cells make them smaller."
+        )
     holds, (x, y) = sliding(scheme, u)
     if not holds > 0.0:
         return (
@@ -145,7 +167,7 @@ def explain(scheme: MiniScheme, u: Array) -> str:
         return ""
     if now > LOST * rest:
         return ""
-    x, y = scheme.mesh.points[at]
+    x, y = scheme.points[at]
     state = f"has fallen to {100.0 * now / rest:.2g} % of that at rest" if now > 0.0 else "is negative"
     return (
         f"The body has lost its stability: its stiffness against a change of shape {state}, most of it near ({x:.3g}, {y:.3g}) of the body "

@@ -16,10 +16,12 @@ logger = logging.getLogger("multiphase")
 
 LEAST_ASYMMETRY = 0.02
 """Asymmetry of a disk that cannot be an error of its mesh."""
+LEAST_SHORTAGE = 1e-3
+"""Oxygen below 0, over the largest, that is warned about."""
 
 
 class Shape(Tracker):
-    """Warns, once for each, when a disk is no longer round and when the surface of a body crosses itself.
+    """Warns, once for each, when a disk is no longer round, when the surface of a body crosses itself, and when oxygen falls below 0.
 
     Parameters
     ----------
@@ -31,7 +33,7 @@ class Shape(Tracker):
     def __init__(self, body: Body, *, is_uniform: bool) -> None:
         self._points: NDArray[np.float64] = body.mesh.p.T
         self._edges = boundary_edges(body.mesh.t.T)
-        self._watches_symmetry, self._watches_surface = body.is_round and is_uniform, True
+        self._watches_symmetry, self._watches_surface, self._watches_oxygen = body.is_round and is_uniform, True, True
 
     def on_save(self, state: State, snapshot: Snapshot) -> None:
         if self._watches_symmetry and snapshot.scalars["asymmetry"] > LEAST_ASYMMETRY:
@@ -40,6 +42,18 @@ class Shape(Tracker):
                 "asymmetry = %.2g at t = %.6g: the disk has lost its round shape. An elastic disk buckles where nothing but its shear "
                 "modulus resists growth, and errors of the mesh say into which form; a larger lambda_alpha keeps it round.",
                 snapshot.scalars["asymmetry"],
+                snapshot.t,
+            )
+        oxygen = snapshot.fields["C"]
+        if self._watches_oxygen and oxygen.min() < -LEAST_SHORTAGE * np.abs(oxygen).max():
+            self._watches_oxygen = False
+            x, y = self._points[int(np.argmin(oxygen))]
+            logger.warning(
+                "oxygen is %.2g, below 0, near (%.3g, %.3g) of the body at rest at t = %.6g: more is drawn out than there is, or the "
+                "triangles are too wide for the layer in which it is taken up; more cells make them smaller.",
+                oxygen.min(),
+                x,
+                y,
                 snapshot.t,
             )
         if self._watches_surface:

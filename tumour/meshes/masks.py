@@ -73,8 +73,9 @@ def body_in(grey: NDArray[np.float64], threshold: float, smallest: float, pixel:
     foreground = grey > threshold
     if not foreground.any():
         raise ParameterError(
-            PATH, f"no pixel of {name} is brighter than {threshold:g}, and the brightest has {grey.max():.3g} of white; draw the body in "
-            "white on black, or lower geometry.threshold."
+            PATH,
+            f"no pixel of {name} is brighter than {threshold:g}, and the brightest has {grey.max():.3g} of white (transparency does not "
+            "count); draw the body in white on black, or lower geometry.threshold."
         )  # fmt: skip
     parts, areas = labelled(foreground, corners=False)
     largest = int(np.argmax(areas))

@@ -14,7 +14,7 @@ from tumour.fem.watch import Shape
 
 
 def shown(body: Any, displacement: np.ndarray, t: float, asymmetry: float = 0.0) -> Snapshot:
-    return Snapshot(t, {"asymmetry": asymmetry}, {"displacement": displacement}, None)
+    return Snapshot(t, {"asymmetry": asymmetry}, {"displacement": displacement, "C": np.ones(len(displacement))}, None)
 
 
 STATE = State(times=np.zeros(1), u=np.zeros((1, 1)), dt=1.0)

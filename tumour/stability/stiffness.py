@@ -1,0 +1,240 @@
+"""How stiff a radial disk is against changes of shape cos(k theta), and when it no longer is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpbtrf
+
+from multiphase.errors import ParameterError
+from tumour.geometry import TumourGeometry
+from tumour.parameters import TumourInitial, TumourParameters
+from tumour.stability.linear import Moduli, moduli
+from tumour.stability.operators import Grid, Matrix, Pattern, grid
+from tumour.stability.state import RadialState, between, contact_slope, disk, radial_states
+
+Array = NDArray[np.float64]
+
+SEALED = 1e6
+"""Bulk modulus, in units of mu, that stands for a volume that cannot change; it leaves 1e-6 of the stiffness."""
+ACCURACY = 1e-7
+"""Absolute accuracy to which stiffness is found."""
+SPACING = 0.25
+"""Time between the radial states among which the first zero is looked for, and interpolated."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stiffness:
+    """Stiffness by time and wave number, in units of mu.
+
+    Attributes
+    ----------
+    t : (nt,) array
+    wave_numbers : (nk,) int array
+    drained, undrained : (nt, nk) array
+        The least of the second variation over the integral of the square of H, among changes of shape cos(k theta): when fluid has time to
+        flow and cells have none to grow, and when neither has.
+    """
+
+    t: Array
+    wave_numbers: NDArray[np.int64]
+    drained: Array
+    undrained: Array
+
+
+@dataclass(frozen=True, slots=True)
+class CriticalTime:
+    """When the stiffness against each change of shape is first 0; NaN where it is not, up to the end.
+
+    Attributes
+    ----------
+    wave_numbers : (nk,) int array
+    drained, undrained : (nk,) array
+    t_end : float
+    """
+
+    wave_numbers: NDArray[np.int64]
+    drained: Array
+    undrained: Array
+    t_end: float
+
+    @property
+    def first(self) -> tuple[float, int]:
+        """The first drained zero, and its wave number; NaN and 0 where there is none."""
+        if np.all(np.isnan(self.drained)):
+            return np.nan, 0
+        at = int(np.nanargmin(self.drained))
+        return float(self.drained[at]), int(self.wave_numbers[at])
+
+
+class Shape:
+    """The second variation of a disk's energy against cos(k theta), drained or not, for any of its states on N cells.
+
+    Parameters
+    ----------
+    parameters : TumourParameters
+    radius : float
+        At rest.
+    cells, k : int
+        The wave number k is 1 or more; for k = 1 the centre is held, which takes out shifts of the whole body.
+    drained : bool
+    """
+
+    def __init__(self, parameters: TumourParameters, radius: float, cells: int, k: int, *, drained: bool = True) -> None:
+        self.parameters, self.drained = parameters, drained
+        self._pattern, self._weights = _pattern(radius, cells, k)
+        one, zero = np.ones(cells), np.zeros(cells)
+        self._unit = self._pattern.band(self._weighted(Moduli(one, zero, one, one, zero)), held=0.0)
+
+    def _weighted(self, at: Moduli) -> dict[str, Array]:
+        """The moduli, normal ones in cells and shear ones on faces, times the areas around those."""
+        cells, faces = self._weights
+        return {name: (faces if name in ("shear", "turn") else cells) * values for name, values in at._asdict().items()}
+
+    def _bands(self, state: RadialState) -> tuple[Array, float]:
+        """The matrix, and a lower bound of its eigenvalues: the least that its moduli have anywhere."""
+        p = self.parameters
+        mu, lam = p.moduli
+        bulk: float | Array = 0.0
+        if self.drained:
+            bulk = lam + state.alpha / state.J * contact_slope(p, state)
+        at = moduli(state.l_r, state.l_t, state.g, mu, bulk)._replace(turn=face_turn(state, mu))
+        normal = 0.5 * (at.rr + at.tt) - np.hypot(0.5 * (at.rr - at.tt), at.rt)
+        least = min(float(np.min(normal)), float(np.min(mu - np.abs(at.turn))))
+        if not self.drained:
+            sealed = moduli(state.l_r, state.l_t, state.g, mu, SEALED * mu)
+            at = at._replace(rr=sealed.rr, rt=sealed.rt, tt=sealed.tt)
+        return self._pattern.band(self._weighted(at)), least
+
+    def _exceeds(self, band: Array, level: float) -> bool:
+        _, info = dpbtrf((band - level * self._unit)[self._pattern.upper :], lower=1, overwrite_ab=1)
+        return bool(info == 0)
+
+    def exceeds(self, state: RadialState, level: float) -> bool:
+        """Whether the stiffness is above `level` (in units of mu): one factorisation, far cheaper than its value."""
+        return self._exceeds(self._bands(state)[0], level * self.parameters.mu_alpha)
+
+    def value(self, state: RadialState) -> float:
+        """The stiffness in units of mu, by bisection with the sign of the least eigenvalue of ``A - s B``."""
+        band, low = self._bands(state)
+        mu = self.parameters.mu_alpha
+        low, high = min(low, 0.0) - mu * ACCURACY, 2.0 * mu
+        while self._exceeds(band, high):
+            low, high = high, 2.0 * high
+        while high - low > mu * ACCURACY:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._exceeds(band, middle) else (low, middle)
+        return 0.5 * (low + high) / mu
+
+
+def face_turn(state: RadialState, mu: float) -> Array:
+    """`Moduli.turn` on the faces 1 to N; on the surface ``mu l_r/l_t``, since P_rr is 0 there."""
+    l_r, l_t = state.face_stretches
+    turn: Array = mu / (l_r * l_t) - 0.5 * (state.g + np.append(state.g[1:], state.g[-1]))
+    turn[-1] = mu * l_r[-1] / l_t[-1]
+    return turn
+
+
+def elastic_terms(on: Grid) -> list[tuple[str, Matrix, Matrix]]:
+    """The pairs of changes of shape that each of `Moduli` weighs."""
+    rr, tt, rt, tr = on.H_rr, on.H_tt, on.H_rt, on.H_tr
+    normal = [("rr", rr, rr), ("rt", rr, tt), ("rt", tt, rr), ("tt", tt, tt)]
+    return [*normal, ("shear", rt, rt), ("shear", tr, tr), ("turn", rt, tr), ("turn", tr, rt)]
+
+
+@lru_cache(maxsize=32)
+def _pattern(radius: float, cells: int, k: int) -> tuple[Pattern, tuple[Array, Array]]:
+    """The banded pattern for unknowns U_0, V_0, U_1, V_1, ..., U_N, V_surface, and the areas of cells and faces."""
+    on = grid(radius, cells, k)
+    order = np.concatenate([2 * np.arange(cells + 1), 2 * np.arange(cells + 1) + 1])
+    return Pattern(elastic_terms(on), order, held=[0], symmetric=True), (on.cells, on.faces)
+
+
+def stiffness(
+    parameters: TumourParameters | None = None,
+    *,
+    initial: TumourInitial | None = None,
+    geometry: str | Mapping[str, Any] | TumourGeometry = "disk",
+    wave_numbers: Sequence[int] | None = None,
+    times: Sequence[float],
+    cells: int = 100,
+) -> Stiffness:
+    """Stiffness of a growing disk against changes of shape cos(k theta), at some times.
+
+    Parameters
+    ----------
+    parameters : TumourParameters, optional
+        The paper's by default.
+    initial : TumourInitial, optional
+    geometry : str, mapping or TumourGeometry
+        "disk", or "quarter_disk", which admits even wave numbers only.
+    wave_numbers : sequence of int, optional
+        1 or more; 2 to 8 by default.
+    times : sequence of float
+        Increasing, 0 or more.
+    cells : int
+        Of the radial grid; errors fall as 1/cells^2.
+    """
+    geometry, chosen = disk(geometry, wave_numbers, least=1)
+    p = TumourParameters() if parameters is None else parameters
+    wanted = np.asarray(times, dtype=float)
+    if not (wanted.size and wanted[0] >= 0.0 and np.all(np.diff(wanted) > 0.0) and np.isfinite(wanted[-1])):
+        raise ParameterError("times", "must be one time or more, 0 or later and increasing.")
+    from_rest = [0.0, *wanted[wanted > 0.0].tolist()]
+    states = radial_states(p, initial, geometry, from_rest, cells)
+    return of_states(p, states if wanted[0] == 0.0 else states[1:], chosen)
+
+
+def of_states(parameters: TumourParameters, states: Sequence[RadialState], wave_numbers: Sequence[int]) -> Stiffness:
+    """Stiffness of radial states against some changes of shape."""
+    radius, cells = float(states[0].R[-1]), len(states[0].J)
+    values = [
+        [[Shape(parameters, radius, cells, k, drained=drained).value(state) for k in wave_numbers] for state in states]
+        for drained in (True, False)
+    ]
+    return Stiffness(np.array([state.t for state in states]), np.array(wave_numbers), *np.array(values))
+
+
+def critical_time(
+    parameters: TumourParameters | None = None,
+    *,
+    initial: TumourInitial | None = None,
+    geometry: str | Mapping[str, Any] | TumourGeometry = "disk",
+    wave_numbers: Sequence[int] | None = None,
+    t_end: float,
+    cells: int = 100,
+) -> CriticalTime:
+    """When a growing disk is first no longer stiff against changes of shape cos(k theta); parameters as those of `stiffness`."""
+    geometry, chosen = disk(geometry, wave_numbers, least=1)
+    p = TumourParameters() if parameters is None else parameters
+    if not 0.0 < t_end < np.inf:
+        raise ParameterError("t_end", "must be greater than 0.")
+    times = np.linspace(0.0, t_end, max(2, int(np.ceil(t_end / SPACING)) + 1))
+    states = radial_states(p, initial, geometry, times.tolist(), cells)
+    shapes = [[Shape(p, geometry.radius, cells, k, drained=drained) for k in chosen] for drained in (True, False)]
+    drained, undrained = (np.array([first_zero(shape, states) for shape in row]) for row in shapes)
+    return CriticalTime(np.array(chosen), drained, undrained, t_end)
+
+
+def first_zero(shape: Shape, states: Sequence[RadialState]) -> float:
+    """The time of the first zero of the stiffness among states that follow one another, NaN if there is none."""
+    last = None
+    for state in states:
+        if not shape.exceeds(state, 0.0):
+            return state.t if last is None else _zero(shape, last, state)
+        last = state
+    return np.nan
+
+
+def _zero(shape: Shape, first: RadialState, second: RadialState) -> float:
+    """The time between two states at which the stiffness is 0, by bisection among the states between them."""
+    low, high = 0.0, 1.0
+    while (high - low) * (second.t - first.t) > 1e-6 * second.t:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if shape.exceeds(between(shape.parameters, first, second, middle), 0.0) else (low, middle)
+    return first.t + 0.5 * (low + high) * (second.t - first.t)
