@@ -217,7 +217,7 @@ class Result:
         table = tomllib.loads(self.scene).get("scales") if self.scene else None
         if not table or any(unit != "-" for unit in self.units.values()):
             return self
-        from multiphase.parameters import Scales
+        from multiphase.scales import Scales
 
         scales = Scales.from_table(table)
         quantities = find_model(self.model).quantities

@@ -22,9 +22,10 @@ from threadpoolctl import ThreadpoolController
 from multiphase import storage, vtkhdf
 from multiphase.errors import ParameterError, SolverError
 from multiphase.model import Model
-from multiphase.parameters import Scales, from_table
+from multiphase.parameters import from_table
 from multiphase.plan import Plan
 from multiphase.result import Result
+from multiphase.scales import Scales
 from multiphase.scene import OutputTable, PlanTable, Scene, TimeTable, differences, parse_scene
 from multiphase.stepping import Control, State, StopRun, Tracker, integrate, start
 from multiphase.trackers import Balances, Interrupts, Progress, Recorder

@@ -17,7 +17,6 @@ import tomli_w
 from multiphase.errors import ParameterError
 from multiphase.model import Model, find_model, model_names
 from multiphase.parameters import (
-    Scales,
     describe,
     float_or_refuse,
     from_table,
@@ -29,6 +28,7 @@ from multiphase.parameters import (
     to_table,
     validate,
 )
+from multiphase.scales import Scales
 
 TABLES = ("scene", "geometry", "parameters", "initial", "boundary", "time", "solver", "plan", "output", "scales")
 _SCENE_KEYS = ("model", "title", "based_on")

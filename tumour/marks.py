@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from multiphase.errors import ParameterError
 from multiphase.marks import Marks, Part, Property
-from multiphase.parameters import Scales, from_table
+from multiphase.parameters import from_table
+from multiphase.scales import Scales
 from multiphase.series import TimeSeries
 from tumour.boundary import CLOSED, OUTSIDE, BoundaryPart, TumourBoundary, acts
 from tumour.geometry import FILE_KINDS, TumourGeometry

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from multiphase.errors import ParameterError
 from multiphase.marks import Marks
 from multiphase.model import Model, Panel, find_model
-from multiphase.parameters import Scales
+from multiphase.scales import Scales
 
 if TYPE_CHECKING:
     from multiphase.result import Result

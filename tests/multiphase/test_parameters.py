@@ -13,7 +13,8 @@ import pytest
 
 from multiphase.errors import ParameterError
 from multiphase.functions import PositionFunction
-from multiphase.parameters import Scale, Scales, from_table, nearest, parameter, replace, specifications, to_table, validate
+from multiphase.parameters import from_table, nearest, parameter, replace, specifications, to_table, validate
+from multiphase.scales import Scale, Scales
 from multiphase.series import TimeSeries
 
 

@@ -13,8 +13,9 @@ import pytest
 from multiphase import scene as scene_module
 from multiphase.errors import ParameterError
 from multiphase.model import Model, Preset, Quantity
-from multiphase.parameters import Scale, Scales, from_table, parameter, to_table, validate
+from multiphase.parameters import from_table, parameter, to_table, validate
 from multiphase.run import make_scene
+from multiphase.scales import Scale, Scales
 from multiphase.scene import OutputTable, PlanTable, Scene, TimeTable, differences, load_scene, parse_scene, shipped_scenes
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from multiphase.errors import ParameterError
-from multiphase.parameters import Scales, replace, specifications, to_table
+from multiphase.parameters import replace, specifications, to_table
+from multiphase.scales import Scales
 from plaque1d import simulate
 from plaque1d.parameters import (
     PRESETS,

@@ -11,9 +11,9 @@ import pytest
 from multiphase import Result, load
 from multiphase.errors import ParameterError
 from multiphase.mesh import Mesh
-from multiphase.parameters import Scales
 from multiphase.plotting import figure, view_of
 from multiphase.run import make_scene
+from multiphase.scales import Scales
 from tumour import TumourGeometry, TumourInitial, TumourParameters, simulate
 from tumour.boundary import BoundaryPart, TumourBoundary
 from tumour.fem.bodies import body_of
