@@ -1,6 +1,6 @@
 """The two-dimensional solver against the radial one on four meshes: the paper's disk, a quarter of it and whole, up to t = 50.
 
-    python benchmarks/crosscheck.py [--rings 10 20 40 80] > benchmarks/crosscheck.md
+    python -m benchmarks.crosscheck [--rings 10 20 40 80] > benchmarks/crosscheck.md
 
 Scene tumour-disk in two dimensions with a fixed step of 0.05 and Newton's method to 1e-8; radial with 800 cells at rtol = 1e-8. Numbers are
 the largest over ten rings of the body at rest, over the largest value of the radial field at that time. What the step adds is measured
@@ -17,9 +17,9 @@ from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
-from machine import heading
 from threadpoolctl import threadpool_limits
 
+from benchmarks.machine import heading
 from multiphase.run import run
 from multiphase.scene import load_scene
 from tumour.crosscheck import CrossCheck, crosscheck

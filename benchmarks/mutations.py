@@ -1,6 +1,6 @@
 """Flip the sign of each term of each equation in turn, and name the tests that notice.
 
-    python benchmarks/mutations.py [FIRST] > benchmarks/mutations.md
+    python -m benchmarks.mutations [FIRST] > benchmarks/mutations.md
 
 Each mutation is made in a copy of the source tree and the numerical tests run against it: first those of the tangent and of FiPy
 against the compiled rates, then those of the mathematics (dispersion, annulus, manufactured solutions, the rest), each until its first

@@ -1,6 +1,6 @@
 """What the plan leaves out: that it changes nothing, over many random scenes, and the time that it saves.
 
-    python benchmarks/plan_reductions.py [--scenes 2000] > benchmarks/plan_reductions.md
+    python -m benchmarks.plan_reductions [--scenes 2000] > benchmarks/plan_reductions.md
 
 Scenes are those of `tests/multiphase/plan_scenes.py`, from a number on that the tests do not reach. Times are medians of five runs (three
 in two dimensions) after one that is not counted, without a file.
@@ -18,9 +18,9 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from machine import heading
 from threadpoolctl import threadpool_limits
 
+from benchmarks.machine import heading
 from multiphase.run import run
 from multiphase.scene import Scene, parse_scene
 

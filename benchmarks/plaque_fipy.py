@@ -1,6 +1,6 @@
 """The FiPy scheme on the reference problem: error against a converged solution, wall time, and where the time goes.
 
-    python benchmarks/plaque_fipy.py [--repeats 5] > benchmarks/plaque_fipy.md
+    python -m benchmarks.plaque_fipy [--repeats 5] > benchmarks/plaque_fipy.md
 
 Reference problem: Psi_l = 1, Psi_m = 0.5, k_l = k_m = 2, b = 20, nu_n = nu_m = 1, A = 0.5, B = 1, k = 1, interfacial,
 n(x, 0) = 0.1 + 0.05 cos^2(pi xi), l(x, 0) = 0.2, L(0) = 0.5, to T = 2. Errors are against 1600 cells of the
@@ -16,12 +16,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from machine import heading
-from plaque_lines import INITIAL, problem
-from plaque_lines import solve as solve_by_lines
 from threadpoolctl import threadpool_limits
 
 import multiphase.fipy_newton as scheme_module
+from benchmarks.machine import heading
+from benchmarks.plaque_lines import INITIAL, problem
+from benchmarks.plaque_lines import solve as solve_by_lines
 from multiphase.stepping import Control, integrate, start
 from plaque1d.fipy_scheme import FipyScheme
 from plaque1d.parameters import PlaqueGeometry

@@ -1,6 +1,6 @@
 """Hard cases of the plaque: what each must do, and what it does.
 
-    python benchmarks/plaque_hard.py > benchmarks/plaque_hard.md
+    python -m benchmarks.plaque_hard > benchmarks/plaque_hard.md
 
 The cases stand in `tests/hard`, their expectations in `tests/hard/cases.py`. Ends with status 1 if one does not do what it states.
 """
@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from machine import heading
+from benchmarks.machine import heading
 
 CASES = Path(__file__).resolve().parent.parent / "tests" / "hard" / "cases.py"
 

@@ -1,6 +1,6 @@
 """The compiled method of lines on the reference problem: error against wall time, time error, cost by cells, the price of a call.
 
-    python benchmarks/plaque_lines.py [--repeats 5] > benchmarks/plaque_lines.md
+    python -m benchmarks.plaque_lines [--repeats 5] > benchmarks/plaque_lines.md
 
 Reference problem: Psi_l = 1, Psi_m = 0.5, k_l = k_m = 2, b = 20, nu_n = nu_m = 1, A = 0.5, B = 1, k = 1, n(x, 0) = 0.1 + 0.05 cos^2(pi xi),
 l(x, 0) = 0.2, L(0) = 0.5, to T = 2; interfacial, or drag with p_out = 1. Space errors are against 1600 cells at rtol 1e-8.
@@ -18,8 +18,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from machine import heading
 
+from benchmarks.machine import heading
 from multiphase.stepping import Control, integrate, start
 from plaque1d import PlaqueInitial, PlaqueParameters, simulate
 from plaque1d.fipy_scheme import FipyScheme
@@ -210,7 +210,7 @@ def memory() -> None:
 def sundials(repeats: int) -> None:
     """IDA on our compiled rates with our compiled tangent, as a sparse matrix."""
     try:
-        from sundials import solve_with_ida
+        from benchmarks.sundials import solve_with_ida
     except ImportError:
         return
     print("\n## SUNDIALS on the same equations\n\nIDA (scikit-sundae) with our compiled rates and tangent, sparse LU.\n")

@@ -1,7 +1,7 @@
 """The reference plaque as a user would write it today, in four ways, against this package: seconds at equal error of n.
 
     pip install py-pde scikit-sundae
-    python benchmarks/plaque_peers.py [--repeats 5] > benchmarks/plaque_peers.md
+    python -m benchmarks.plaque_peers [--repeats 5] > benchmarks/plaque_peers.md
 
 Each peer stands alone in benchmarks/peers/ (what each is, and what was awkward, is told there) and solves the same problem, interfacial.
 Of a list of settings the cheapest with an L1 error of n below 5e-4 counts. Errors are against this package's 1600 cells at rtol 1e-8.
@@ -12,24 +12,21 @@ from __future__ import annotations
 import argparse
 import importlib
 import statistics
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
-from machine import heading
-from plaque_lines import error, fraction, solve
 from threadpoolctl import threadpool_limits
 
+from benchmarks.machine import heading
+from benchmarks.plaque_lines import error, fraction, solve
 from plaque1d.fipy_scheme import FipyScheme
 from plaque1d.lines_scheme import RadauLines
 
 TARGET = 5e-4
-sys.path.insert(0, str(Path(__file__).parent / "peers"))
 
 
 def peer(name: str, **options: Any) -> Callable[..., tuple[Any, float]]:
-    module = importlib.import_module(name)
+    module = importlib.import_module(f"benchmarks.peers.{name}")
 
     def run(cells: int, setting: Any) -> tuple[Any, float]:
         answer = module.solve(cells, setting, **options)

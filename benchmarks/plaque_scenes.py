@@ -1,6 +1,6 @@
 """The shipped scenes at their own settings, against twice the cells and a tenth of the tolerance.
 
-    python benchmarks/plaque_scenes.py > benchmarks/plaque_scenes.md
+    python -m benchmarks.plaque_scenes > benchmarks/plaque_scenes.md
 
 The error of a scalar is the largest over the stored times, relative to its largest value.
 """
@@ -8,8 +8,8 @@ The error of a scalar is the largest over the stored times, relative to its larg
 from __future__ import annotations
 
 import numpy as np
-from machine import heading
 
+from benchmarks.machine import heading
 from multiphase.run import run
 from multiphase.scene import load_scene
 

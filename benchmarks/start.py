@@ -1,6 +1,6 @@
 """What `import plaque1d` costs beyond `import numpy`.
 
-python benchmarks/start.py
+python -m benchmarks.start
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import statistics
 import subprocess
 import sys
 
-from machine import heading
+from benchmarks.machine import heading
 
 CODE = "import time, numpy; t = time.perf_counter(); import plaque1d; print(time.perf_counter() - t)"
 

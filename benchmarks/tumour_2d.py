@@ -1,6 +1,6 @@
 """The tumour in two dimensions: the paper's program step by step, and equal accuracy in less time.
 
-    python benchmarks/tumour_2d.py [--repeats 3] [--mesh FILE] > benchmarks/tumour_2d.md
+    python -m benchmarks.tumour_2d [--repeats 3] [--mesh FILE] > benchmarks/tumour_2d.md
 
 The preset authors-disk is run to t = 60 on the mesh of the paper's program (a file of its repository: quarter_disk_authors.msh, lines 31
 bottom, 33 left; without it on a quarter disk of about as many points). Its time depends on the machine most through PARDISO's numerical
@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from machine import heading
 from scipy.interpolate import CubicSpline
 from scipy.sparse import coo_array
 from threadpoolctl import threadpool_limits
 
+from benchmarks.machine import heading
 from multiphase.sparse import load_mkl, open_solver
 from tumour import TumourGeometry, TumourParameters, simulate
 from tumour.fem import kernel

@@ -1,6 +1,6 @@
 """The tumour in two dimensions: cost against size, lost symmetry of the disk, and gliomas on finer and finer meshes.
 
-    python benchmarks/tumour_2d_bodies.py [--largest 200000] > benchmarks/tumour_2d_bodies.md
+    python -m benchmarks.tumour_2d_bodies [--largest 200000] > benchmarks/tumour_2d_bodies.md
 
 Each size runs in a process of its own, whose largest memory is the table's. One thread.
 """
@@ -15,8 +15,8 @@ import sys
 from typing import Any
 
 import numpy as np
-from machine import heading
 
+from benchmarks.machine import heading
 from multiphase.sparse import load_mkl
 from tumour import TumourParameters, simulate
 

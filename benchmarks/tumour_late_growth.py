@@ -1,6 +1,6 @@
 """Late growth of the viscous tumour: the speed of its surface, against that of a slab.
 
-    python benchmarks/tumour_late_growth.py > benchmarks/tumour_late_growth.md
+    python -m benchmarks.tumour_late_growth > benchmarks/tumour_late_growth.md
 
 A slab ends up growing at one speed, whatever its size at first. A disk or sphere of radius R sees its rim as a slab up to curvature, so
 its speed differs by a term that falls as 1/R.
@@ -11,8 +11,8 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from machine import heading
 
+from benchmarks.machine import heading
 from tumour import TumourGeometry, TumourParameters, simulate
 
 CELLS, RTOL = 1600, 1e-5

@@ -1,6 +1,6 @@
 """Growth of departures from the round shape: linear theory against runs in two dimensions.
 
-    python benchmarks/tumour_modes.py > benchmarks/tumour_modes.md
+    python -m benchmarks.tumour_modes > benchmarks/tumour_modes.md
 
 Two runs of the quarter disk differ by the sign of a small seed r^k cos(k theta) in the cell fraction. Half their difference has no share of
 what the mesh itself does to the round shape, which is the same in both.
@@ -13,8 +13,8 @@ import sys
 import time
 
 import numpy as np
-from machine import heading
 
+from benchmarks.machine import heading
 from tumour import TumourInitial, TumourParameters, simulate
 from tumour.stability import modes
 

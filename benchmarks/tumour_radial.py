@@ -1,6 +1,6 @@
 """The radial tumour: error against wall time, time error, cost by cells, elastic and viscous; FiPy against the method of lines.
 
-    python benchmarks/tumour_radial.py [--repeats 5] > benchmarks/tumour_radial.md
+    python -m benchmarks.tumour_radial [--repeats 5] > benchmarks/tumour_radial.md
 
 Elastic: the paper's disk (preset paper) to t = 60, through the kink of the contact stress, which cells pass from t = 44 on. Viscous: the
 paper's values with mobility "darcy" to t = 60. Errors are relative, of the radius and of alpha and C at the centre (the parabola through
@@ -16,8 +16,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from machine import heading
 
+from benchmarks.machine import heading
 from multiphase.stepping import Control, Snapshot, State, Tracker, integrate, start
 from tumour.geometry import TumourGeometry
 from tumour.parameters import TumourInitial, TumourParameters

@@ -1,6 +1,6 @@
 """What tissue that is not plain costs in two dimensions, and whether plain tissue pays for it.
 
-    python benchmarks/tumour_tissue.py [--repeats 5] [--against DIR] > benchmarks/tumour_tissue.md
+    python -m benchmarks.tumour_tissue [--repeats 5] [--against DIR] > benchmarks/tumour_tissue.md
 
 CPU seconds of one thread (PARDISO where it is installed), medians; runs of the variants take turns. DIR is a working tree of an earlier
 version, such as the last one before tissue could be anything but plain: `git worktree add DIR c43aca4`.
@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from machine import heading
+
+from benchmarks.machine import heading
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "plain": {},
