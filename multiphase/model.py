@@ -17,8 +17,8 @@ from multiphase.errors import ParameterError
 from multiphase.marks import Marks
 
 if TYPE_CHECKING:
-    from multiphase.compare_profiles import Profiles
     from multiphase.plan import Plan
+    from multiphase.profiles import Profiles
     from multiphase.result import Result
     from multiphase.scene import Scene
 

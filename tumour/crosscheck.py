@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multiphase.compare import RINGS
-from multiphase.compare_places import common_times
+from multiphase.compare.places import common_times
 from multiphase.errors import ParameterError
 from tumour.model import simulate
 from tumour.profiles import RadialScene, profiles_of

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from multiphase.compare_profiles import Profiles, RingFields
 from multiphase.errors import ParameterError
 from multiphase.parameters import from_table
+from multiphase.profiles import Profiles, RingFields
 from tumour.boundary import TumourBoundary
 from tumour.geometry import TumourGeometry
 from tumour.parameters import TumourInitial, TumourParameters

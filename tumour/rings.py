@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from multiphase.compare_places import locate
+from multiphase.compare.places import locate
 from multiphase.mesh import Mesh
 
 if TYPE_CHECKING:

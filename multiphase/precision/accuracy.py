@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from multiphase.compare_places import OnOneMesh
+from multiphase.compare.places import OnOneMesh
 from multiphase.errors import ParameterError
 from multiphase.result import Array, Result
 

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Self
 
-from multiphase.compare_differences import Difference
+from multiphase.compare.differences import Difference
 
 _NOT_FINITE = "not finite in one"
 WIDTH = 120
@@ -166,7 +166,7 @@ class Comparison:
 
     def figure(self) -> Any:
         """A Matplotlib figure of the differences against time, and against position where they were compared at positions 0 to 1."""
-        from multiphase.compare_picture import draw
+        from multiphase.compare.picture import draw
 
         return draw(self.differences, self.scatter, self.times, self.place, (*self.notes, *self.refusals))
 

@@ -1,8 +1,4 @@
-"""Differences between two results of a model, quantity by quantity, at their common times and positions.
-
-From the outside inwards: `compare` (what is compared with what), `compare_report` (text, JSON) and `compare_picture`,
-`compare_differences` (numbers), `compare_places` (common times, cells, meshes), `compare_profiles` (what a model says of its results).
-"""
+"""What of two results is compared with what."""
 
 from __future__ import annotations
 
@@ -13,15 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from multiphase.compare_differences import Difference, on_mesh, profile, scalar, scatter
-from multiphase.compare_places import OnOneMesh, Positions, common_times
-from multiphase.compare_profiles import Profiles, RingFields
-from multiphase.compare_report import Comparison
+from multiphase.compare.differences import Difference, on_mesh, profile, scalar, scatter
+from multiphase.compare.places import OnOneMesh, Positions, common_times
+from multiphase.compare.report import Comparison
 from multiphase.errors import ParameterError
 from multiphase.model import find_model, model_names
+from multiphase.profiles import Profiles, RingFields
 from multiphase.result import Array, Result
-
-__all__ = ["RINGS", "Comparison", "Difference", "compare", "cost_of"]
 
 RINGS = 10
 """Rings over which fields of round bodies are averaged. They do not follow the mesh: the one layer of triangles at the surface, where a
