@@ -382,6 +382,8 @@ def test_a_disk_that_has_lost_its_shape_is_no_agreement() -> None:
     assert compare(buckled, b).refusals == (
         "A: its asymmetry is 0.03, which no error of a mesh explains: the disk has lost its round shape",
     )
+    uneven = replace(a, scalars=a.scalars | {"asymmetry": np.array([0.03, 1e-3, 0.0])})
+    assert compare(uneven, b).refusals == ()  # at t = 0 it is one of the mesh
     earlier = {kind: {name: values[:2] for name, values in getattr(b, kind).items()} for kind in ("scalars", "fields")}
     assert compare(buckled, replace(b, t=b.t[:2], x=b.x[:2], **earlier)).refusals == ()
 

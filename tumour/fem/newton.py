@@ -95,6 +95,7 @@ class Newton:
     ) -> None:  # fmt: skip
         self.kernel, self.constants, self.elements, self.edges, self.points = kernel, constants, elements, edges, points
         self.rows, self.rigid, self.linear = rows, rigid, linear
+        self._timeless = constants._replace(printed=False)
         self.tolerance, self.length, self.oxygen = tolerance, length, oxygen
         self._residual, self._bubbles = np.zeros((len(points), FIELDS)), np.zeros((len(elements.areas), 2))
         self._values, self._kept = np.zeros(len(rows.indices)), np.zeros((len(elements.areas), KEPT))
@@ -140,11 +141,15 @@ class Newton:
         """-1, or the first element that is turned inside out."""
         return int(self.over_elements("turned_over", self.elements, at.nodal, at.bubbles))
 
+    def _law(self, step: Step) -> Data:
+        """The constants of a step; in no time nothing is made, so that the step as printed keeps cells there, too."""
+        return self.constants if step.tau > 0.0 else self._timeless
+
     def _evaluate(self, step: Step, at: Point) -> int:
         """The residual with the tangent that is held; -1, or the first element that is turned inside out."""
         self.counts["residual"] += 1
         return int(self.over_elements(
-            "residual", self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads,
+            "residual", self._law(step), self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads,
             step.bubble_loads, self.edges, step.actions, self._kept, self._residual, self._bubbles,
         ))  # fmt: skip
 
@@ -153,7 +158,7 @@ class Newton:
         self.forget()
         self.counts["tangent"] += 1
         code = self.over_elements(
-            "tangent", self.constants, self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads,
+            "tangent", self._law(step), self.elements, step.tau, at.nodal, at.bubbles, step.old.nodal, step.old.bubbles, step.loads,
             step.bubble_loads, self.edges, step.actions, self.rows.pattern, self._values, self._kept, self._residual, self._bubbles,
             account="tangent",
         )  # fmt: skip
@@ -162,7 +167,7 @@ class Newton:
                 self.linear.factorise(self._values)
             except SingularMatrix as error:
                 raise StepFailure("the tangent of the step is singular: the body has no definite equilibrium") from error
-            old = [step.old.nodal.ravel(), step.old.bubbles.ravel()] if self.constants.printed else []
+            old = [step.old.nodal.ravel(), step.old.bubbles.ravel()] if self._law(step).printed else []
             self._made_at = np.concatenate([[step.tau], step.actions.ravel(), at.nodal.ravel(), at.bubbles.ravel(), *old])
         return int(code)
 

@@ -283,7 +283,7 @@ class MiniScheme:
         moments = self.rest(past)[0]
         loads, bubble_loads = (array.copy() for array in self.loads(t, tau))
         loads[:, P] += moments[1]
-        if not self.printed:
+        if not self.printed or tau == 0.0:
             loads[:, ALPHA] += moments[0]
         self.acting = self._acting(t)
         step = Step(tau, loads, bubble_loads, self.point(past), self.acting)
@@ -311,7 +311,7 @@ class MiniScheme:
         (moments, integrals, rate), (_, integrals_past, rate_past) = self.rest(u), self.rest(past)
         cells, volume, born, flow = self._moments(point)
         surface = self.prescribed[:, P]
-        moments[0] = cells if self.printed else step.loads[:, ALPHA] + step.tau * born
+        moments[0] = cells if self.printed and step.tau > 0.0 else step.loads[:, ALPHA] + step.tau * born
         moments[1] = np.where(surface, volume, step.loads[:, P] - step.tau * flow)
         gained = float(np.sum((volume - step.loads[:, P] + step.tau * flow)[surface]))
         integrals[:] = integrals_past + np.array([step.tau * float(np.sum(born)), gained])

@@ -15,7 +15,8 @@ from tumour.meshes.polygons import first_crossing
 logger = logging.getLogger("multiphase")
 
 LEAST_ASYMMETRY = 0.02
-"""Asymmetry of a disk that cannot be an error of its mesh."""
+"""Asymmetry of a disk that cannot be an error of its mesh, after t = 0: there the fluid that enters the outermost triangles at once, where
+cells press from the first, may leave them as uneven as they are."""
 LEAST_SHORTAGE = 1e-3
 """Oxygen below 0, over the largest, that is warned about."""
 
@@ -36,7 +37,7 @@ class Shape(Tracker):
         self._watches_symmetry, self._watches_surface, self._watches_oxygen = body.is_round and is_uniform, True, True
 
     def on_save(self, state: State, snapshot: Snapshot) -> None:
-        if self._watches_symmetry and snapshot.scalars["asymmetry"] > LEAST_ASYMMETRY:
+        if self._watches_symmetry and snapshot.t > 0.0 and snapshot.scalars["asymmetry"] > LEAST_ASYMMETRY:
             self._watches_symmetry = False
             logger.warning(
                 "asymmetry = %.2g at t = %.6g: the disk has lost its round shape. An elastic disk buckles where nothing but its shear "

@@ -66,6 +66,16 @@ def test_the_step_as_printed_does_not_keep_cells(make_mini: Any, run_elastic: An
     assert max(abs(found[1]), abs(found[3])) < 1e-12
 
 
+@pytest.mark.parametrize("step", ["as-printed", "conservative"])
+def test_no_cell_is_made_in_no_time(make_mini: Any, run_elastic: Any, step: str) -> None:
+    """With kappa = 0 a body whose cells press takes its equilibrium at t = 0, in no time, where neither step may make or lose a cell: a
+    uniform swelling, of the one stretch that cells at alpha_0/J balance, by both steps alike."""
+    scheme = make_mini(meshes.quarter_disk(1.0, 6), alpha_step=step, newton_tol=1e-12, kappa=0.0, Q=0.0, alpha=0.9)
+    scalars = run_elastic(scheme, [0.0], order=1, dt=0.1)[1][0].scalars
+    assert abs(scalars["defect_cells"]) < 1e-11  # rounding, and what 1e-12 leaves; the step as printed made a hundredth of them
+    assert scalars["radius"] == pytest.approx(1.0573694, abs=1e-6)  # of the radial solver
+
+
 def test_the_growth_rate_is_the_slope_of_the_radius(make_mini: Any, run_elastic: Any) -> None:
     """Against differences over two steps of 0.05; at the start it is 0 where nothing presses yet, and what flows in from the surface
     where cells do."""

@@ -43,6 +43,7 @@ def test_a_disk_that_is_no_longer_round(caplog: pytest.LogCaptureFixture) -> Non
         uneven, watch = Shape(body, is_uniform=False), Shape(body, is_uniform=True)
         uneven.on_save(STATE, shown(body, still, 1.0, asymmetry=0.1))  # it never was the same in all directions
         watch.on_save(STATE, shown(body, still, 1.0, asymmetry=0.01))
+        watch.on_save(STATE, shown(body, still, 0.0, asymmetry=0.1))  # of the outermost triangles, which take up fluid at once
         assert caplog.messages == []
         for t in (2.0, 3.0):
             watch.on_save(STATE, shown(body, still, t, asymmetry=0.03))
