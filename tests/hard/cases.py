@@ -1,6 +1,6 @@
-"""The hard cases of the plaque: what each must do, stated beforehand, and the judge of what it did.
+"""The hard cases of the plaque: what each must do, stated beforehand.
 
-Every case is a scene file in this folder, or a shipped scene. `test_plaque_hard.py` checks them, `benchmarks/plaque_hard.py` prints them.
+Every case is a scene file in this folder, or a shipped scene. `test_plaque_hard.py` checks them, `benchmarks/hard.py` prints them.
 
 Of a case that finishes, these hold at every stored time:
 
@@ -20,71 +20,28 @@ Of a case that finishes, these hold at every stored time:
 
 from __future__ import annotations
 
-import logging
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
+from judging import Limit, Stated, alike, not_finite, number, open_balances, throughout
 
-from multiphase.errors import ParameterError
 from multiphase.result import Result
 from multiphase.run import run
 from multiphase.scene import Scene, load_scene
 
 HERE = Path(__file__).resolve().parent
-DEFECTS = ("defect_L", "defect_n", "defect_c", "defect_l")
 TOTALS = ("L", "n_total", "c_total", "l_total")
-SHARP = 1e-7
-"""Tolerance of the runs that errors in time are measured against."""
 LOUD = ("ill-posed for short waves here", "has become ill-posed for short waves")
-
-Check = Callable[[Result, Scene], str]
-"""Says what is wrong, or nothing."""
-
-
-@dataclass(frozen=True)
-class Limit:
-    """Something that is known of the answer: words for the table, and the check."""
-
-    words: str
-    check: Check
-
-
-def number(words: str, name: str, expected: float, within: float, row: int = -1) -> Limit:
-    """A scalar at a stored time, the last one by default, within an absolute error."""
-
-    def check(result: Result, scene: Scene) -> str:
-        value = float(result[name][row])
-        return "" if abs(value - expected) <= within else f"{words}: {name} = {value:.8g}, not {expected:.8g} to {within:.1e}"
-
-    return Limit(words, check)
-
-
-def throughout(words: str, name: str, expected: float | None, within: float) -> Limit:
-    """A scalar that keeps its value, `expected` or that of the start, relative to it."""
-
-    def check(result: Result, scene: Scene) -> str:
-        values = result[name]
-        kept = float(values[0]) if expected is None else expected
-        worst = float(np.abs(values / kept - 1.0).max())
-        return "" if worst <= within else f"{words}: {name} strays by {worst:.1e} of {kept:.6g}"
-
-    return Limit(words, check)
 
 
 def near(words: str, scene: str, within: float, names: Sequence[str] = ("L", "n_total"), sets: Sequence[str] = ()) -> Limit:
     """Scalars equal to those of another scene at the end, relative to them."""
-
-    def check(result: Result, _: Scene) -> str:
-        other = run(_scene(scene, tuple(sets)))
-        worst = max((abs(float(result[name][-1] / other[name][-1]) - 1.0), name) for name in names)
-        return "" if worst[0] <= within else f"{words}: {worst[1]} differs by {worst[0]:.1e}, more than {within:.1e}"
-
-    return Limit(words, check)
+    return alike(words, lambda _: _scene(scene, tuple(sets)), within, names)
 
 
 def confined_growth(k_m: float, within: float) -> Limit:
@@ -110,71 +67,57 @@ def deep_fraction(within: float) -> Limit:
 
 
 @dataclass(frozen=True)
-class Case:
+class Case(Stated):
     """A scene and what it must do.
 
     Attributes
     ----------
     scene : str
         A file of this folder without its suffix, or the name of a shipped scene.
-    must : "finishes", "refuses", "fails" or "ends"
-        "ends" may finish or fail.
-    words : tuple of str
-        What the refusal or the failure says.
-    path : str
-        Dotted path of the refusal.
-    warns : tuple of str
-        Words of the warnings that must come, each in one of them; and no others.
-    limits : tuple of Limit
-    most : int
-        Bound on steps and rejected steps together.
-    accuracy : float
-        The rtol that errors in time are judged by; 0 takes the scene's, infinity does not judge.
-    sharp : float
-        Tolerance of the run to compare with.
-    reached : float
-        Time that a failing case must have stored.
     sets : tuple of str
         Changes of the scene, as of ``--set``.
     """
 
     scene: str
-    must: str = "finishes"
-    words: tuple[str, ...] = ()
-    path: str = ""
-    warns: tuple[str, ...] = ()
-    limits: tuple[Limit, ...] = ()
-    most: int = 600
-    accuracy: float = 0.0
-    sharp: float = SHARP
-    reached: float = 0.0
     sets: tuple[str, ...] = ()
+
+    defects: ClassVar[tuple[str, ...]] = ("defect_L", "defect_n", "defect_c", "defect_l")
 
     @property
     def name(self) -> str:
         return " ".join((self.scene, *self.sets))
 
-    @property
-    def statement(self) -> str:
-        """What must happen, in words."""
-        if self.must == "refuses":
-            return f"refuses at {self.path}"
-        ends = {"finishes": "finishes", "ends": "finishes or fails", "fails": f"fails after t = {self.reached:g}"}[self.must]
-        said = [f'"{word}"' for word in self.words]
-        return "; ".join([" with ".join([ends, *said]), *("warns" for _ in self.warns[:1]), *(limit.words for limit in self.limits)])
+    def load(self) -> Scene:
+        return _scene(self.scene, self.sets)
 
+    def wrong_rows(self, result: Result, scene: Scene) -> list[str]:
+        """Which of the invariants do not hold in what is stored."""
+        p, wrong = scene.parameters, not_finite(result)
+        n, l, L = result["n"], result["l"], result["L"]
+        if n.min() < 0.0 or n.max() > 1.0 or np.abs(result["c"] - (1.0 - n)).max() > 1e-15:
+            wrong.append(f"n from {n.min():.3g} to 1 + {n.max() - 1.0:.3g}")
+        if l.min() < 0.0:
+            wrong.append(f"l falls to {l.min():.3g}")
+        fall = float(-np.diff(L).min(initial=0.0))
+        if fall > 1e-14 * L.max():  # rounding
+            wrong.append(f"L falls by {fall:.3g}")
+        wrong += open_balances(self, result)
+        influx = np.array([_integral(p.Psi_l, t) for t in result.t])
+        terms = (p.k_m * result["l_total"], p.k_m * influx, p.k_l * result["n_total"])
+        combined = terms[0] - terms[1] + terms[2]
+        drift = float(np.abs(combined - combined[0]).max())
+        if drift > 1e-10 * max(float(np.abs(term).max()) for term in terms):
+            wrong.append(f"the identity of modLDL and the necrotic phase drifts by {drift:.1e}")
+        return wrong
 
-@dataclass
-class Outcome:
-    """What a case did, and what of that is wrong."""
-
-    did: str = ""
-    wrong: list[str] = field(default_factory=list)
-    result: Result | None = None
-    cost: tuple[int, int] = (0, 0)
-    error: float = float("nan")
-    """The largest error in time, in units of what is allowed."""
-    seconds: float = 0.0
+    def time_error(self, result: Result, scene: Scene) -> float:
+        """The largest error against the same cells at a far smaller tolerance, in units of what is allowed."""
+        exact = run(scene.with_changes(solver={"rtol": self.sharp, "dt": None}))
+        rtol = self.accuracy or scene.solver.rtol
+        scales = {name: float(np.abs(exact["l_total" if name == "l_total" else "L"]).max()) for name in TOTALS}
+        errors = [float(np.abs(result[name] - exact[name]).max()) / (rtol * scales[name]) for name in TOTALS]
+        shape = float(np.sqrt(np.mean((result["n"] - exact["n"]) ** 2, axis=1)).max())
+        return max(*errors, shape / (10.0 * rtol))
 
 
 LAYER = "viscosity moves things by the width of its layer, sqrt(nu/b)"
@@ -282,111 +225,7 @@ def _scene(name: str, sets: tuple[str, ...] = ()) -> Scene:
     return load_scene(own if own.exists() else name, sets)
 
 
-class _Listener(logging.Handler):
-    def __init__(self) -> None:
-        super().__init__(logging.WARNING)
-        self.said: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self.said.append(record.getMessage())
-
-
-def judge(case: Case) -> Outcome:
-    """Run a case and say what it did."""
-    outcome = Outcome()
-    listener = _Listener()
-    logger = logging.getLogger("multiphase")
-    logger.addHandler(listener)
-    started = time.perf_counter()
-    try:
-        scene = _scene(case.scene, case.sets)
-        result = run(scene, raise_on_failure=False)
-    except ParameterError as refusal:
-        outcome.did = f"refused at {refusal.path}"
-        if case.must != "refuses" or refusal.path != case.path or not all(word in str(refusal) for word in case.words):
-            outcome.wrong.append(f"refused: {refusal}")
-        return outcome
-    finally:
-        outcome.seconds = time.perf_counter() - started
-        logger.removeHandler(listener)
-    stats = result.stats
-    outcome.result, outcome.cost = result, (stats["steps"], stats["rejected_error"] + stats["rejected_solver"])
-    outcome.did = "finished" if result.status == "completed" else f"failed at t = {float(result.checkpoint['times'][0]):.3g}"
-    outcome.wrong += _wrong_end(case, result) + _wrong_words(case, listener.said) + _wrong_rows(result, scene)
-    if sum(outcome.cost) > case.most:
-        outcome.wrong.append(f"{outcome.cost[0]} steps and {outcome.cost[1]} rejected, more than {case.most} together")
-    if result.status == "completed":
-        outcome.wrong += [said for limit in case.limits if (said := limit.check(result, scene))]
-        outcome.error = _time_error(case, result, scene)
-        if outcome.error > 1.0:
-            outcome.wrong.append(f"the error in time is {outcome.error:.2g} times what is allowed")
-    return outcome
-
-
-def _wrong_end(case: Case, result: Result) -> list[str]:
-    """Whether it ended as it must."""
-    if result.status == "completed":
-        return [] if case.must in ("finishes", "ends") else ["it finished"]
-    if case.must not in ("fails", "ends"):
-        return [f"it {result.status}: {result.message}"]
-    wrong = [f'the failure does not say "{word}": {result.message}' for word in case.words if word not in result.message]
-    if not result.t[-1] >= case.reached:
-        wrong.append(f"only t = {result.t[-1]:g} is kept")
-    reached = float(result.checkpoint["times"][0]) if result.checkpoint else -1.0
-    if f"Everything up to t = {reached:.6g} is kept" not in result.message:
-        wrong.append(f"the state at t = {reached:.6g} is kept, but the message says otherwise: {result.message}")
-    return wrong
-
-
-def _wrong_words(case: Case, said: list[str]) -> list[str]:
-    """Warnings that are missing or were not expected."""
-    missing = [f'no warning says "{word}"' for word in case.warns if not any(word in line for line in said)]
-    return missing + [f"it warns: {line}" for line in said if not any(word in line for word in case.warns)]
-
-
-def _wrong_rows(result: Result, scene: Scene) -> list[str]:
-    """Which of the invariants do not hold in what is stored."""
-    p, wrong = scene.parameters, []
-    n, l, L = result["n"], result["l"], result["L"]
-    stored = {**result.scalars, **result.fields}
-    wrong += [f"{name} is not finite" for name, values in stored.items() if not np.isfinite(values).all()]
-    if n.min() < 0.0 or n.max() > 1.0 or np.abs(result["c"] - (1.0 - n)).max() > 1e-15:
-        wrong.append(f"n from {n.min():.3g} to 1 + {n.max() - 1.0:.3g}")
-    if l.min() < 0.0:
-        wrong.append(f"l falls to {l.min():.3g}")
-    fall = float(-np.diff(L).min(initial=0.0))
-    if fall > 1e-14 * L.max():  # rounding
-        wrong.append(f"L falls by {fall:.3g}")
-    worst = largest_defect(result)
-    if not worst <= 1e-11:
-        wrong.append(f"a defect of {worst:.1e}")
-    influx = np.array([_integral(p.Psi_l, t) for t in result.t])
-    terms = (p.k_m * result["l_total"], p.k_m * influx, p.k_l * result["n_total"])
-    combined = terms[0] - terms[1] + terms[2]
-    drift = float(np.abs(combined - combined[0]).max())
-    if drift > 1e-10 * max(float(np.abs(term).max()) for term in terms):
-        wrong.append(f"the identity of modLDL and the necrotic phase drifts by {drift:.1e}")
-    return wrong
-
-
-def largest_defect(result: Result) -> float:
-    """Of the four balances, over all stored times."""
-    return max(float(np.abs(result[name]).max()) for name in DEFECTS)
-
-
 def _integral(series: Callable[..., float], t: float) -> float:
     """Integral from 0 to t of a piecewise linear series, by the trapezoidal rule between its breaks: exact."""
     points = [0.0, *(b for b in series.breaks if 0.0 < b < t), t]
     return sum(0.5 * (b - a) * (float(series(a)) + float(series(b, side=-1))) for a, b in pairwise(points))
-
-
-def _time_error(case: Case, result: Result, scene: Scene) -> float:
-    """The largest error against the same cells at a far smaller tolerance, in units of what is allowed."""
-    if not np.isfinite(case.accuracy):
-        return float("nan")
-    exact = run(scene.with_changes(solver={"rtol": case.sharp, "dt": None}))
-    rtol = case.accuracy or scene.solver.rtol
-    scales = {name: float(np.abs(exact["l_total" if name == "l_total" else "L"]).max()) for name in TOTALS}
-    errors = [float(np.abs(result[name] - exact[name]).max()) / (rtol * scales[name]) for name in TOTALS]
-    shape = float(np.sqrt(np.mean((result["n"] - exact["n"]) ** 2, axis=1)).max())
-    return max(*errors, shape / (10.0 * rtol))

@@ -1,32 +1,24 @@
-"""Every hard case does what `cases.py` states; `benchmarks/plaque_hard.py` prints the same as a table."""
+"""Every hard case of the plaque does what `cases.py` states; `benchmarks/hard.py` prints the same as a table."""
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+import cases as hard
 import numpy as np
 import pytest
+from judging import judge
+
+from multiphase.run import run
+from multiphase.scene import load_scene
 
 HERE = Path(__file__).resolve().parent
 
 
-def _load():
-    spec = importlib.util.spec_from_file_location("hard_cases", HERE / "cases.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-hard = _load()
-
-
 @pytest.mark.parametrize("case", hard.CASES, ids=lambda case: case.name)
 def test_hard_case(case):
-    outcome = hard.judge(case)
+    outcome = judge(case)
     assert outcome.wrong == []
     assert sum(outcome.cost) <= 5000
 
@@ -35,7 +27,7 @@ def test_every_scene_is_a_case_and_says_what_is_hard():
     files = {path.stem for path in HERE.glob("*.toml")}
     assert files == {case.scene for case in hard.CASES if not case.scene.startswith("plaque-")}
     assert len({case.name for case in hard.CASES}) == len(hard.CASES)
-    assert all(hard.load_scene(path).title for path in HERE.glob("*.toml") if path.stem not in ("drag-inviscid-refused", "l-0-k-0.5"))
+    assert all(load_scene(path).title for path in HERE.glob("*.toml") if path.stem not in ("drag-inviscid-refused", "l-0-k-0.5"))
 
 
 @pytest.mark.parametrize(
@@ -53,7 +45,7 @@ def test_every_scene_is_a_case_and_says_what_is_hard():
     ],
 )
 def test_the_judge_notices(changes, words):
-    outcome = hard.judge(replace(hard.CASES[0], **changes))
+    outcome = judge(replace(hard.CASES[0], **changes))
     assert any(words in line for line in outcome.wrong)
 
 
@@ -71,8 +63,9 @@ def test_the_judge_notices(changes, words):
 )
 def test_the_judge_notices_in_a_result(name, change, words):
     """The reference problem, with one quantity tampered with."""
-    scene = hard.load_scene(HERE / "n-0.toml")
-    result = hard.run(scene)
-    assert hard._wrong_rows(result, scene) == []
+    case = hard.Case("n-0")
+    scene = case.load()
+    result = run(scene)
+    assert case.wrong_rows(result, scene) == []
     result[name][...] += change
-    assert any(words in line for line in hard._wrong_rows(result, scene))
+    assert any(words in line for line in case.wrong_rows(result, scene))

@@ -1,4 +1,4 @@
-"""Hard cases on meshes: what runs through, what ends in words, and what is refused."""
+"""Hard cases on meshes that are no scenes of `tests/hard`: first steps, uneven cells, and meshes and outlines that are refused."""
 
 from __future__ import annotations
 
@@ -8,28 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from multiphase.errors import ParameterError, SolverError
+from multiphase.errors import ParameterError
 from tumour import TumourParameters, meshes, simulate
-
-
-def assert_sound(stored: list[Any], tolerance: float = 1e-5) -> None:
-    """Fractions between 0 and 1, oxygen not below 0 by more than the error in space, positive volumes, balances to ten tolerances."""
-    for snapshot in stored:
-        alpha, C = snapshot.fields["alpha"], snapshot.fields["C"]
-        assert 0.0 < alpha.min() <= alpha.max() < 1.0
-        assert -1e-3 < C.min() <= C.max() < 1.0 + 1e-9
-        assert snapshot.fields["J"].min() > 0.0
-        for name in ("defect_cells", "defect_volume"):
-            assert abs(snapshot.scalars[name]) < tolerance, (name, snapshot.t)
-
-
-@pytest.mark.parametrize("dt", [4.0, 16.0])
-def test_huge_fixed_steps(make_mini: Any, run_elastic: Any, dt: float) -> None:
-    """Halved where they fail; whatever the error in time, no cell is lost."""
-    scheme = make_mini(lambda_alpha=0.3)
-    _, stored = run_elastic(scheme, [16.0, 48.0], dt=dt)
-    assert_sound(stored)
-    assert stored[-1].scalars["radius"] > 2.0
 
 
 def test_the_error_control_tames_a_huge_first_step(make_mini: Any) -> None:
@@ -46,53 +26,9 @@ def test_the_error_control_tames_a_huge_first_step(make_mini: Any) -> None:
     np.testing.assert_allclose(radii, radii[0], rtol=1e-3)  # ten tolerances
 
 
-CASES: dict[str, tuple[dict[str, Any], float]] = {
-    "no uptake": ({"Q": 0.0, "lambda_alpha": 1.0}, 20.0),
-    "free fluid": ({"kappa": 0.0}, 40.0),
-    "free fluid, no uptake": ({"kappa": 0.0, "Q": 0.0, "lambda_alpha": 0.3}, 20.0),
-    "necrosis, cells attract": ({"alpha_min": 0.6, "Q": 2.0, "lambda_alpha": 0.3}, 50.0),
-    "necrosis, smooth switch": ({"alpha_min": 0.75, "sigma_width": 0.1, "Q": 2.0, "lambda_alpha": 0.3}, 50.0),
-    "contact from a higher fraction": ({"alpha_min": 0.82, "sigma_width": 0.05, "lambda_alpha": 0.3}, 40.0),
-    "uptake saturates": ({"Q1_hat": 5.0, "Q": 2.0, "lambda_alpha": 0.3}, 40.0),
-    "pressure outside": ({"p_out": 0.2, "lambda_alpha": 1.0}, 20.0),
-    "suction outside": ({"p_out": -0.2, "lambda_alpha": 1.0}, 20.0),
-    "no contact stress": ({"gamma": 0.0, "lambda_alpha": 0.3}, 10.0),
-    "starving": ({"C_out": 0.2}, 20.0),
-    "no oxygen": ({"C_out": 0.0}, 5.0),
-    "drag": ({"kappa": 1e3, "mobility": "darcy"}, 20.0),  # its stiff rim wrinkles soon after t = 30
-    "stiff": ({"lambda_alpha": 1e3}, 40.0),
-    "lambda 0.3": ({"lambda_alpha": 0.3}, 100.0),
-    "lambda 1": ({"lambda_alpha": 1.0}, 100.0),
-}
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_runs_through(make_mini: Any, run_elastic: Any, case: str) -> None:
-    changes, end = CASES[case]
-    scheme = make_mini(meshes.quarter_disk(1.0, 6), **changes)
-    _, stored = run_elastic(scheme, [0.1 * end, 0.5 * end, end])
-    assert_sound(stored)
-    radii = np.array([snapshot.scalars["radius"] for snapshot in stored])
-    if case in ("starving", "no oxygen"):
-        assert np.all(radii <= 1.0 + 1e-6)  # it has no cells to grow with
-        assert stored[-1].scalars["cell_mass"] < 0.9 * 0.8 * np.pi / 4.0
-    elif case == "no contact stress":
-        np.testing.assert_allclose(radii, 1.0, rtol=1e-12)  # nothing pushes
-    elif case == "suction outside" or case == "stiff":
-        assert radii[-1] > radii[0]  # a stiff one is full, and follows its oxygen
-    else:
-        assert np.all(np.diff(radii) > 0.0)
-        assert radii[-1] > 1.0
-    if case.startswith("necrosis"):
-        assert stored[-1].scalars["necrotic_fraction"] > 0.05
-        assert stored[-1].fields["alpha"].min() < 0.76
-    if case.startswith("lambda"):
-        assert stored[-1].scalars["asymmetry"] < 0.02  # it keeps its shape
-
-
 @pytest.mark.parametrize("shape", ["disk", "glioma"])
 def test_a_body_whose_cells_are_not_spread_evenly(make_mini: Any, run_elastic: Any, shape: str) -> None:
-    """An initial fraction by a formula in x, y and theta: no symmetry is left, and the balances hold."""
+    """An initial fraction by a formula in x, y and theta: no symmetry is left."""
     body = meshes.disk(1.0, 5) if shape == "disk" else meshes.glioma(1.0, 0.35)
     scheme = make_mini(body, alpha="0.8 + 0.05*x - 0.04*y*x + 0.03*sin(3*theta)*xi**3", lambda_alpha=0.3)
     x, y = body.mesh.p
@@ -101,47 +37,11 @@ def test_a_body_whose_cells_are_not_spread_evenly(make_mini: Any, run_elastic: A
     from tumour.fem.bodies import fraction
 
     np.testing.assert_allclose(fraction(scheme.initial_values, body), expected, rtol=1e-13)
-    _, stored = run_elastic(scheme, [0.0, 2.0, 20.0])
-    assert_sound(stored)
     if shape == "disk":
-        assert stored[0].scalars["asymmetry"] > 1e-3
-        assert stored[1].scalars["asymmetry"] > 1e-3
-    mirrored = np.argmin(np.abs(x[:, None] - x) + np.abs(y[:, None] + y), axis=1)
-    if shape == "disk":
+        _, stored = run_elastic(scheme, [0.0, 2.0])
+        assert min(snapshot.scalars["asymmetry"] for snapshot in stored) > 1e-3
+        mirrored = np.argmin(np.abs(x[:, None] - x) + np.abs(y[:, None] + y), axis=1)
         assert np.abs(stored[1].fields["displacement"][mirrored, 0] - stored[1].fields["displacement"][:, 0]).max() > 1e-3
-
-
-def test_a_fraction_out_of_its_range_is_refused_by_place() -> None:
-    with pytest.raises(ParameterError, match=r"initial.alpha.*at \(") as caught:
-        simulate(initial=_initial("0.8 + 0.3*x"), t_end=1.0, geometry={"kind": "disk", "dimension": "2d"}, cells=4)
-    assert "alpha" in str(caught.value)
-
-
-def _initial(formula: str) -> Any:
-    from tumour import TumourInitial
-
-    return TumourInitial(alpha=formula)
-
-
-def test_no_step_succeeds_and_the_words_say_where(make_mini: Any, run_elastic: Any) -> None:
-    """A body torn apart from outside: either no equilibrium at t = 0, or the run ends; in words."""
-    with pytest.raises(SolverError) as caught:
-        run_elastic(make_mini(p_out=50.0, kappa=0.0), [5.0])
-    assert len(str(caught.value)) > 80
-
-
-def test_beyond_the_buckling_the_run_ends_in_words_or_goes_on(make_mini: Any, run_elastic: Any) -> None:
-    """lambda = 0 and the derived mobility: the disk buckles at t = 61, and nothing is promised beyond but honesty."""
-    try:
-        _, stored = run_elastic(make_mini(meshes.disk(1.0, 5), mobility="darcy"), [50.0, 80.0])
-    except SolverError as error:
-        refused = error
-    else:
-        assert_sound(stored)
-        assert stored[-1].scalars["asymmetry"] > 0.05
-        return
-    assert "no step from t" in str(refused)
-    assert refused.time > 50.0
 
 
 # -- Meshes that cannot be used -----------------------------------------------------------------------------------------
