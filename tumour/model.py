@@ -135,9 +135,9 @@ def _check(scene: Scene) -> None:
 
 
 def _trackers(scene: Scene) -> tuple[Tracker, ...]:
-    """A watch on the shape of a body in two dimensions, and on the stiffness that keeps a radial disk round."""
+    """A watch on the shape of a body in two dimensions, and on the stiffness that keeps a radial disk or ball round."""
     if not scene.geometry.plane:
-        if scene.geometry.m != 2 or scene.geometry.eulerian:
+        if scene.geometry.m == 1 or scene.geometry.eulerian:
             return ()
         from tumour.stability.watch import trackers
 

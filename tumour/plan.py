@@ -43,10 +43,9 @@ _MOBILITIES = {
     "constant": "1/kappa, at any cell fraction; no detail: the (1 - alpha)/(kappa alpha) of (2.13) would slow growth",
 }
 
-BUCKLING_TIME = 60.0
-"""No disk with values like the paper's has buckled before (`tumour.stability`)."""
-STEADY_LAMBDA = 0.3
-"""lambda_alpha from which it keeps its shape."""
+BUCKLING = {2: (60.0, 0.3, "from t = 61 to 64 on", "a disk"), 3: (68.0, 0.04, "from t = 69 to 72 on", "a ball")}
+"""Of disks and balls with values like the paper's: until when none has buckled, the lambda_alpha from which they keep their shape, and when
+they buckle with none (`tumour.stability`, docs/symmetry.md)."""
 
 
 def plan_of(scene: Scene) -> Plan:
@@ -233,9 +232,10 @@ def _warnings(scene: Scene) -> tuple[str, ...]:
             if scene.geometry.plane
             else "this run holds it round, and says when."
         )
+        _, steady, when, body = BUCKLING[scene.geometry.m]
         warnings.append(
-            f"an elastic disk with values like the paper's may buckle in this time (with lambda_alpha = 0 from t = 61 to 64 on, not with "
-            f"{STEADY_LAMBDA:g} or more): {then}"
+            f"{body} of elastic cells with values like the paper's may buckle in this time (with lambda_alpha = 0 {when}, not with "
+            f"{steady:g} or more): {then}"
         )
     return tuple(warnings)
 
@@ -243,9 +243,10 @@ def _warnings(scene: Scene) -> tuple[str, ...]:
 def _may_buckle(scene: Scene) -> bool:
     """Whether a run goes on to where the paper's disk buckles, with values near the paper's."""
     p, geometry = scene.parameters, scene.geometry
-    if geometry.eulerian or geometry.kind not in ("disk", "quarter_disk") or not scene.boundary.is_plain:
+    if geometry.eulerian or geometry.kind not in ("disk", "quarter_disk", "sphere") or not scene.boundary.is_plain:
         return False
-    if not p.lambda_alpha < STEADY_LAMBDA or not scene.time.end > BUCKLING_TIME:
+    until, steady, *_ = BUCKLING[geometry.m]
+    if not p.lambda_alpha < steady or not scene.time.end > until:
         return False
     paper = TumourParameters(**find_preset("paper").parameters)
     names = (

@@ -312,7 +312,7 @@ def test_modes_of_a_disk_that_drains(k: int) -> None:
 @pytest.mark.parametrize(
     ("call", "path"),
     [
-        (lambda: modes(geometry="sphere", t_end=1.0), "geometry"),
+        (lambda: modes(geometry="slab", t_end=1.0), "geometry"),
         (lambda: modes(geometry=TumourGeometry(kind="disk", formulation="eulerian"), t_end=1.0), "geometry"),
         (lambda: modes(geometry="quarter_disk", wave_numbers=[2, 3], t_end=1.0), "wave_numbers"),
         (lambda: stiffness(wave_numbers=[0], times=[0.0]), "wave_numbers"),

@@ -160,7 +160,7 @@ def test_a_radial_run_warns_of_it(caplog: pytest.LogCaptureFixture) -> None:
 @pytest.mark.parametrize(
     "settings",
     [
-        {"geometry": "sphere"}, {"geometry": {"kind": "disk", "formulation": "eulerian"}}, {"geometry": "slab"},
+        {"geometry": {"kind": "disk", "formulation": "eulerian"}}, {"geometry": "slab"},
         {"parameters": replace(PRINTED, lambda_alpha=1.0)},
         {"parameters": replace(PRINTED, sigma_width=0.05), "initial": TumourInitial(alpha=0.79), "t_end": 5.0},
     ],

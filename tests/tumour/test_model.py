@@ -113,7 +113,7 @@ def test_the_comments_of_the_scenes_hold(name: str) -> None:
         assert result["radius"].argmax() in (45, 46, 47)
     else:
         assert (hypoxic, necrotic) == (40.0, 54.0)
-    assert result["necrotic_fraction"][-1] > 0.15
+    assert result["necrotic_fraction"][-1] > (0.06 if name == "tumour-sphere" else 0.15)  # the ball ends before it may buckle
 
 
 def test_the_comments_of_the_scene_with_fibres_hold() -> None:
@@ -173,13 +173,15 @@ def test_warnings_of_the_plan() -> None:
         (["time.end=60"], False),
         (["time.end=70", "parameters.lambda_alpha=0.3"], False),
         (["time.end=70", "parameters.lambda_alpha=0.1"], True),
-        (["time.end=70", "geometry.kind=sphere"], False),
+        (["time.end=70", "geometry.kind=sphere"], True),
+        (["time.end=68", "geometry.kind=sphere"], False),
+        (["time.end=70", "geometry.kind=sphere", "parameters.lambda_alpha=0.05"], False),
         (["time.end=70", "geometry.kind=slab"], False),
         (["time.end=70", "geometry.formulation=eulerian"], False),
         (["time.end=70", "parameters.Q=5.0"], False),  # nobody has looked
     ],
 )
-def test_a_disk_that_may_buckle(sets: list[str], warned: bool) -> None:
+def test_a_disk_or_a_ball_that_may_buckle(sets: list[str], warned: bool) -> None:
     warnings = plan("tumour-disk", *sets).warnings
     assert any("buckle" in warning for warning in warnings) == warned
 

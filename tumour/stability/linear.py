@@ -1,4 +1,4 @@
-"""What a small change of shape does to stress and flux at a point of a radial disk; see `tumour.stability` for the symbols."""
+"""What a small change of shape does to stress and flux at a point of a radial disk or ball; see `tumour.stability` for the symbols."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 class Moduli(NamedTuple):
     """How the change of P depends on that of F and on T_1, the change of p + alpha Sigma:
 
-    ``p_rr = rr H_rr + rt H_tt - l_t T_1``, ``p_tt = rt H_rr + tt H_tt - l_r T_1``, ``p_rt = shear H_rt + turn H_tr``,
-    ``p_tr = shear H_tr + turn H_rt``.
+    ``p_rr = rr H_rr + (m-1) rt H_tt - (J/l_r) T_1``, ``p_tt = rt H_rr + tt H_tt - (J/l_t) T_1``, ``p_rt = shear H_rt + turn H_tr``,
+    ``p_tr = shear H_tr + turn H_rt``, and in a ball ``p_s = side H_s``.
     """
 
     rr: Array
@@ -22,17 +22,20 @@ class Moduli(NamedTuple):
     tt: Array
     shear: Array
     turn: Array
+    side: Array
 
 
-def moduli(l_r: Array, l_t: Array, g: Array, mu: float, bulk: float | Array) -> Moduli:
+def moduli(l_r: Array, l_t: Array, g: Array, mu: float, bulk: float | Array, m: int = 2) -> Moduli:
     """The moduli at stretches l_r and l_t, where ``g = lambda (J - 1) - p - alpha Sigma``.
 
     `bulk` is what the pressure-like part of the stress, ``lambda (J - 1) - T``, gains per change of J: lambda where T_1 is written by
     itself, more where T_1 follows from the change of J.
     """
-    rr = mu * (1.0 + 1.0 / l_r**2) + bulk * l_t**2
-    tt = mu * (1.0 + 1.0 / l_t**2) + bulk * l_r**2
-    return Moduli(rr, g + bulk * l_r * l_t, tt, mu + 0.0 * l_r, mu / (l_r * l_t) - g)
+    along, across = l_t ** (m - 1), l_r * l_t ** (m - 2)  # J/l_r and J/l_t
+    rr = mu * (1.0 + 1.0 / l_r**2) + bulk * along**2
+    rt = g * l_t ** (m - 2) + bulk * along * across
+    tt = mu * (1.0 + 1.0 / l_t**2) + (m - 2) * g * l_r + (m - 1) * bulk * across**2
+    return Moduli(rr, rt, tt, mu + 0.0 * l_r, mu / (l_r * l_t) - g * l_t ** (m - 2), mu * (1.0 + 1.0 / l_t**2) - g * l_r)
 
 
 class Flux(NamedTuple):
@@ -49,6 +52,8 @@ class Flux(NamedTuple):
     by_tr: Array
 
 
-def flux(l_r: Array, l_t: Array) -> Flux:
+def flux(l_r: Array, l_t: Array, m: int = 2) -> Flux:
     """The coefficients at stretches l_r and l_t, per unit of mobility."""
-    return Flux(l_t / l_r, l_r / l_t, -l_t / l_r**2, 1.0 / l_r, -1.0 / l_t, -1.0 / l_r)
+    shear = l_t ** (m - 2)
+    along, across = l_t ** (m - 1) / l_r, l_r * l_t ** (m - 3)
+    return Flux(along, across, -along / l_r, (m - 1) * shear / l_r, -shear / l_t, -shear / l_r)

@@ -1,17 +1,18 @@
-r"""The linear evolution of modes cos(k theta) on a growing radial disk, discrete.
+r"""The linear evolution of modes cos(k theta) on a growing radial disk, and of modes Y_l on a ball, discrete.
 
 Unknowns of a cell: alpha_1, C_1 and p_1 at its middle, V at its middle, U on its outer face; besides U at the centre, which is held (for
 k = 1 that takes out shifts of the whole body), and V on the surface. With the symbols of `tumour.stability` and `tumour.radial`, w the
-velocity of the faces of the radial state, ``zeta = 1/M`` and its slope zeta' in alpha, and Delta over a cell of volume dV = R h per radian,
+velocity of the faces of the radial state, ``zeta = 1/M`` and its slope zeta' in alpha, and Delta over a cell of volume dV, R h per radian
+in a disk (m = 2) and R^2 h + h^3/12 per steradian in a ball (m = 3, ``k = sqrt(l (l + 1))``),
 
     d(J alpha_1 + alpha j)/dt = q j + J (q_a alpha_1 + q_C C_1)
-    dV dj/dt = Delta Phi + k h f_t                                               or p_1 = 0 where kappa = 0
-    0 = Delta Phi^C + k h f_t^C - dV ( u j + J (u_a alpha_1 + u_C C_1) )         u the uptake
+    dV dj/dt = Delta Phi + k h R^(m-2) f_t                                       or p_1 = 0 where kappa = 0
+    0 = Delta Phi^C + k h R^(m-2) f_t^C - dV ( u j + J (u_a alpha_1 + u_C C_1) ) u the uptake
     0 = d/d(U, V) [ sum of H p(H)/2 - T_1 j over cells and faces ]               U and V in equilibrium, the surface without traction
 
-    Phi = (r/(zeta Delta rho)) Delta p_1 + w (U + k V) - (r w/Delta rho) Delta U_rho - (r w/zeta) zeta' alpha_1       on faces: R f_r
-    f_t = -(k/R) (l_r/l_t) p_1/zeta - w (H_tr + (l_r/l_t) H_rt),       the second part the mean of the cell's faces
-    w   = Delta p/(zeta Delta rho)
+    Phi = (a/(zeta Delta rho)) Delta p_1 + w r^(m-2) ((m-1) U + k V) - (a w/Delta rho) Delta U_rho - (a w/zeta) zeta' alpha_1
+    f_t = -(k/R) l_r l_t^(m-3) p_1/zeta - (r/R)^(m-2) w (H_tr + (l_r/l_t) H_rt),       the second part the mean of the cell's faces
+    w   = Delta p/(zeta Delta rho),       a = r^(m-1),       Phi is R^(m-1) f_r on faces
 
 and Phi^C, f_t^C are the same with zeta = 1, C for p. For k = 0 these are the derivatives of the equations of `tumour.radial`, term by term.
 In time: BDF of order two with steps that grow to dt (`ladder`); it is J alpha_1 + alpha j and j that are differentiated, with the
@@ -34,10 +35,9 @@ from multiphase.stepping import formula
 from tumour import equations as eq
 from tumour.geometry import TumourGeometry
 from tumour.parameters import TumourInitial, TumourParameters
-from tumour.stability.linear import moduli
 from tumour.stability.operators import Matrix, Pattern, grid, unit
-from tumour.stability.state import RadialState, contact_slope, disk, radial_states
-from tumour.stability.stiffness import Shape, Stiffness, elastic_terms, face_turn, of_states
+from tumour.stability.state import RadialState, contact_slope, radial_states, round_body
+from tumour.stability.stiffness import Shape, Stiffness, elastic_terms, grid_moduli, of_states
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,8 @@ class ModeGrowth:
     """How small departures from the round shape grow.
 
     The disk begins with the cell fraction ``alpha_0 + eps (R/R_0)^n cos(k theta)``, and its surface is then at ``r + eps U cos(k theta)``,
-    up to terms of order eps^2.
+    up to terms of order eps^2. For a ball read Y_l, a spherical harmonic of degree l and any order, for cos(k theta); it moves by
+    ``-eps V grad Y_l/sqrt(l (l + 1))`` across the radius.
 
     Where the drained stiffness against a mode passes 0 its growth gets faster than most steps, and values depend on them from there on;
     from the zero of the undrained stiffness on rates have no bound and values are NaN.
@@ -62,12 +63,15 @@ class ModeGrowth:
     radius : (nt,) array
         Radius r of the surface.
     wave_numbers : (nk,) int array
+        Degrees, for a ball.
     exponents : (nk,) array
         n of each seed.
     amplitude, tangential : (nt, nk) array
         U and V at the surface: the displacements along and across the radius, per eps.
     stiffness : Stiffness
         At some of the times.
+    m : int
+        2 for a disk, 3 for a ball.
     """
 
     t: Array
@@ -77,6 +81,7 @@ class ModeGrowth:
     amplitude: Array
     tangential: Array
     stiffness: Stiffness
+    m: int = 2
 
     @property
     def shape(self) -> Array:
@@ -107,7 +112,8 @@ def modes(
     dt: float = 0.2,
     rows: int = 61,
 ) -> ModeGrowth:
-    """The linear evolution of departures cos(k theta) from the round shape of a growing disk, from a seed in the cell fraction.
+    """The linear evolution of departures cos(k theta) from the round shape of a growing disk, or Y_l of a ball, from a seed in the cell
+    fraction.
 
     Parameters
     ----------
@@ -116,12 +122,12 @@ def modes(
     initial : TumourInitial, optional
         The radial state at t = 0.
     geometry : str, mapping or TumourGeometry
-        "disk", or "quarter_disk", which admits even wave numbers only.
+        "disk", "quarter_disk", which admits even wave numbers only, or "sphere".
     wave_numbers : sequence of int, optional
-        0 or more; 2 to 8 by default. 0 is a change of the radial state itself.
+        k, or the degrees l of a sphere: 0 or more; 2 to 8 by default. 0 is a change of the radial state itself.
     t_end : float
     seed : float, optional
-        n of the seed (R/R_0)^n cos(k theta); k by default.
+        n of the seed (R/R_0)^n cos(k theta), or Y_l; k or l by default.
     cells, dt : int, float
         Cells of the radial grid, and largest step. Errors fall as their squares.
     rows : int
@@ -138,7 +144,7 @@ def modes(
     SolverError
         Where the radial run cannot go on.
     """
-    geometry, chosen = disk(geometry, wave_numbers, least=0)
+    geometry, chosen = round_body(geometry, wave_numbers, least=0)
     p = TumourParameters() if parameters is None else parameters
     if not 0.0 < dt < np.inf or not 0.0 < t_end < np.inf:
         raise ParameterError("dt" if 0.0 < t_end < np.inf else "t_end", "must be greater than 0.")
@@ -151,7 +157,7 @@ def modes(
     wanted = np.unique(np.searchsorted(times, np.linspace(0.0, t_end, max(rows, 1)) if rows > 1 else [t_end]))
     shown = of_states(p, [states[i] for i in wanted], [k for k in chosen if k > 0])
     radius = np.array([state.r[-1] for state in states])
-    return ModeGrowth(times, radius, np.array(chosen), exponents, edges[:, :, 0].T, edges[:, :, 1].T, shown)
+    return ModeGrowth(times, radius, np.array(chosen), exponents, edges[:, :, 0].T, edges[:, :, 1].T, shown, geometry.m)
 
 
 def ladder(t_end: float, dt: float) -> Array:
@@ -164,11 +170,11 @@ def ladder(t_end: float, dt: float) -> Array:
 
 
 def evolve(parameters: TumourParameters, states: Sequence[RadialState], k: int, exponent: float) -> Array:
-    """U and V at the surface, (nt, 2), for the seed (R/R_0)^exponent cos(k theta); the states are those at the steps' times."""
-    radius, cells = float(states[0].R[-1]), len(states[0].J)
-    mode = Mode(parameters, radius, cells, k)
-    sealed = Shape(parameters, radius, cells, k, drained=False) if k > 0 else None
-    past = [np.stack([seed_of(states[0].R, exponent), np.zeros(mode.N)])]  # J alpha_1 + alpha j, and j, newest first
+    """U and V at the surface, (nt, 2), for the seed (R/R_0)^exponent cos(k theta), or Y_k; the states are those at the steps' times."""
+    radius, cells, m = float(states[0].R[-1]), len(states[0].J), states[0].m
+    mode = Mode(parameters, radius, cells, k, m)
+    sealed = Shape(parameters, radius, cells, k, drained=False, m=m) if k > 0 else None
+    past = [np.stack([seed_of(states[0].R, exponent, m), np.zeros(mode.N)])]  # J alpha_1 + alpha j, and j, newest first
     times, edges = [0.0], np.full((len(states), 2), np.nan)
     edges[0] = 0.0
     for n, state in enumerate(states[1:], 1):
@@ -181,24 +187,25 @@ def evolve(parameters: TumourParameters, states: Sequence[RadialState], k: int, 
     return edges
 
 
-def seed_of(R: Array, exponent: float) -> Array:
+def seed_of(R: Array, exponent: float, m: int = 2) -> Array:
     """The averages of (R/R_0)^exponent over the cells between the faces R."""
     x = R / R[-1]
-    averages: Array = 2.0 / (exponent + 2.0) * np.diff(x ** (exponent + 2.0)) / np.diff(x * x)
+    averages: Array = m / (exponent + m) * np.diff(x ** (exponent + m)) / np.diff(x**m)
     return averages
 
 
 class Mode:
-    """One implicit step of one mode: the equations above, on N cells of a disk with some radius at rest, for wave number k."""
+    """One implicit step of one mode: the equations above, on N cells of a disk with some radius at rest, for a wave number (of a ball: a
+    degree)."""
 
-    def __init__(self, parameters: TumourParameters, radius: float, N: int, k: int) -> None:
-        self.parameters, self.N, self.k, self.on = parameters, N, k, grid(radius, N, k)
+    def __init__(self, parameters: TumourParameters, radius: float, N: int, number: int, m: int = 2) -> None:
+        self.parameters, self.N, self.on = parameters, N, grid(radius, N, number, m)
         self.edge = np.array([N, 2 * N + 1])
         self._shape = slice(0, 2 * N + 2)
         self._alpha, self._C, self._p = (slice(start, start + N) for start in self._starts)
         cell = 5 * np.arange(N)
         self._order = np.concatenate([[0], cell + 5, cell + 4, [5 * N + 1], cell + 1, cell + 2, cell + 3])  # of U, V, alpha_1, C_1, p_1
-        self._pattern = Pattern(self._terms(), self._order, held=[0] if k > 0 else [0, *range(N + 1, 2 * N + 2)])
+        self._pattern = Pattern(self._terms(), self._order, held=[0] if number > 0 else [0, *range(N + 1, 2 * N + 2)])
 
     @property
     def _starts(self) -> tuple[int, int, int]:
@@ -225,11 +232,11 @@ class Mode:
         return [*terms, ("drag_below", over, alpha), ("drag_above", over, self._on_all(above, self._starts[0]))]
 
     def _transport(self, name: str, start: int) -> list[tuple[str, Matrix, Matrix]]:
-        """What leaves the cells: ``-Delta Phi - k h f_t`` but for the part of the resistance; Delta over a cell is minus the transpose of
-        that over a face."""
-        N, k, h, on = self.N, self.k, float(self.on.R[1]), self.on
+        """What leaves the cells: ``-Delta Phi - k h R^(m-2) f_t`` but for the part of the resistance; Delta over a cell is minus the
+        transpose of that over a face."""
+        N, k, h, on = self.N, self.on.k, float(self.on.R[1]), self.on
         over, cells = self._on_all(_over_faces(N), start), self._on_all(unit(N, N), start)
-        moved = self._on_all(on.U) + k * self._on_all(on.V)
+        moved = (on.m - 1) * self._on_all(on.U) + k * self._on_all(on.V)
         means = self._on_all(0.5 * k * h * (unit(N, N) + unit(N, N, 1)), start)  # face f counts in cells f - 1 and f
         return [
             (f"{name}_leak", over, over), (f"{name}_carry", over, moved), (f"{name}_gap", over, self._on_all(on.gap)),
@@ -241,14 +248,14 @@ class Mode:
         """What the operators are weighed with, for the step of the BDF formula with coefficient a."""
         p, on = self.parameters, self.on
         mu, lam = p.moduli
-        J, alpha, l_r, l_t = state.J, state.alpha, state.l_r, state.l_t
-        elastic = moduli(l_r, l_t, state.g, mu, lam)._replace(turn=face_turn(state, mu))._asdict()
+        J, alpha = state.J, state.alpha
+        elastic = grid_moduli(state, mu, lam)._asdict()
         found = {name: (on.faces if name in ("shear", "turn") else on.cells) * values for name, values in elastic.items()}
         slope = contact_slope(p, state)
         born, (born_a, born_C) = eq.net_growth(alpha, state.C, *p.kinetics), eq.net_growth_slopes(alpha, state.C, *p.kinetics)
         taken, (taken_a, taken_C) = eq.oxygen_uptake(alpha, state.C, *p.uptake), eq.oxygen_uptake_slopes(alpha, state.C, *p.uptake)
         flows = p.kappa > 0.0
-        for end, other in (("r", l_t), ("t", l_r)):  # what multiplies H_rr and H_tt in j
+        for end, other in zip(("r", "t"), state.swelling, strict=True):
             found |= {f"load_{end}": -on.cells * other, f"contact_{end}": -on.cells * other * slope}
             found |= {f"cells_{end}": (a * alpha - born) * other, f"oxygen_{end}": on.cells * taken * other}
             found |= {f"fluid_{end}": a * on.cells * other * flows}
@@ -273,10 +280,12 @@ class Mode:
 
     def _fluxes(self, name: str, state: RadialState, c: Array, outside: float, zeta: Array, face: Array | float) -> dict[str, Array]:
         """The coefficients of a flux that is driven by differences of c, with the resistance zeta in the cells and `face` on the faces."""
+        on, m = self.on, state.m
         l_r, l_t = state.face_stretches
         r, gaps = state.r[1:], state.gaps
-        w = np.diff(c, append=outside) / (face * gaps)
-        leak, side = r / (face * gaps), self.k**2 * self.on.R[1] / self.on.middles * state.l_r / state.l_t / zeta
+        w = np.diff(c, append=outside) / (face * gaps) * r ** (m - 2)
+        leak = r ** (m - 1) / (face * gaps)
+        side = on.k**2 * on.R[1] / on.middles * state.l_r / state.l_t / zeta * (on.middles * state.l_t) ** (m - 2)
         values = {"leak": leak, "carry": w, "gap": -r * w / gaps, "side": side, "swirl_tr": w, "swirl_rt": w * l_r / l_t}
         return {f"{name}_{end}": value for end, value in values.items()}
 
@@ -295,7 +304,8 @@ class Mode:
     def kept(self, state: RadialState, y: Array) -> Array:
         """``J alpha_1 + alpha j`` and j, (2, N)."""
         shape = y[self._shape]
-        j = state.l_t * (self.on.H_rr @ shape) + state.l_r * (self.on.H_tt @ shape)
+        by_r, by_t = state.swelling
+        j = by_r * (self.on.H_rr @ shape) + by_t * (self.on.H_tt @ shape)
         return np.stack([state.J * y[self._alpha] + state.alpha * j, j])
 
 

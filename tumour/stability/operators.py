@@ -2,9 +2,11 @@ r"""Changes of shape on the faces and cells of a radial grid, and banded matrice
 
 Unknowns: U on the faces 0 to N, V at the middles of the cells and on the surface. The normal parts of H live in the cells, where r(R) has
 its stretches, the shear parts on the faces 1 to N, from whose middles they take what lies around (`Grid.cells`, `Grid.faces`: the areas per
-radian of both, which add up to R_0^2/2 each):
+radian of both, which add up to R_0^2/2 each; in a ball volumes per steradian, R_0^3/3):
 
-    H_rr = Delta U/h,   H_tt = (k V + U)/R  in cells;      H_tr = Delta V/h,   H_rt = -(k U + V)/R  on faces.
+    H_rr = Delta U/h,   H_tt = (k V/(m-1) + U)/R  in cells;      H_tr = Delta V/h,   H_rt = -(k U + V)/R  on faces,
+
+and in cells of a ball ``H_s = sqrt((l-1)(l+2)/2) V/R``.
 
 Sums of ``a^T diag(c) b`` over pairs of such operators are what all matrices consist of. The operators stay, c changes with the state, so
 the entries are one sparse matrix times all c (`Pattern`).
@@ -26,15 +28,19 @@ Matrix = Any
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Operators on the unknowns (U_0 ... U_N, V_0 ... V_{N-1}, V_surface) for one wave number.
+    """Operators on the unknowns (U_0 ... U_N, V_0 ... V_{N-1}, V_surface) for one wave number of a disk, or one degree of a ball.
 
     Attributes
     ----------
+    m : int
+        2 for a disk, 3 for a ball.
+    k : float
+        The wave number; in a ball that of a degree, sqrt(l (l + 1)).
     R, middles : (N + 1,), (N,) array
         Faces, and middles of the cells, at rest.
     cells, faces : (N,) array
-        Areas at rest per radian around the middles of the cells, and around the faces 1 to N.
-    H_rr, H_tt : (N, 2 N + 2) matrix
+        Areas at rest per radian (volumes per steradian) around the middles of the cells, and around the faces 1 to N.
+    H_rr, H_tt, H_s : (N, 2 N + 2) matrix
     H_tr, H_rt : (N, 2 N + 2) matrix
     U, V : (N, 2 N + 2) matrix
         Both on the faces 1 to N.
@@ -42,12 +48,15 @@ class Grid:
         What U makes of the distances over the faces 1 to N from middle to middle, and from the last one to the surface.
     """
 
+    m: int
+    k: float
     R: Array
     middles: Array
     cells: Array
     faces: Array
     H_rr: Matrix
     H_tt: Matrix
+    H_s: Matrix
     H_tr: Matrix
     H_rt: Matrix
     U: Matrix
@@ -55,23 +64,27 @@ class Grid:
     gap: Matrix
 
 
-def grid(radius: float, N: int, k: int) -> Grid:
-    """The operators of wave number k on N cells that are equal at rest."""
+def grid(radius: float, N: int, number: int, m: int = 2) -> Grid:
+    """The operators of a wave number, or in a ball of a degree, on N cells that are equal at rest."""
+    k = float(number) if m == 2 else float(np.sqrt(number * (number + 1)))
+    side = 0.0 if m == 2 else float(np.sqrt(max((number - 1) * (number + 2), 0) / 2))
     R = np.linspace(0.0, radius, N + 1)
     h, middles = R[1], 0.5 * (R[1:] + R[:-1])
     U_m, U_p = unit(N, N + 1), unit(N, N + 1, 1)
     V_m, V_p = unit(N, N + 1), unit(N, N + 1, 1)  # of the faces 1 to N: below, and above or on the surface
     around = sparse.diags_array(np.append(np.full(N - 1, 0.5), 0.0)) @ V_m + sparse.diags_array(np.append(np.full(N - 1, 0.5), 1.0)) @ V_p
     none = sparse.csr_array((N, N + 1))
-    faces = np.append(R[1:-1] * h, 0.5 * h * (radius - 0.25 * h))
-    faces[0] += h * h / 8.0  # what lies around the centre
+    edges = np.concatenate([[0.0], middles[1:], [radius]])  # between the faces; the first has all around the centre
     return Grid(
+        m=m,
+        k=k,
         R=R,
         middles=middles,
-        cells=middles * h,
-        faces=faces,
+        cells=np.diff(R**m) / m,
+        faces=np.diff(edges**m) / m,
         H_rr=_both((U_p - U_m) / h, none),
-        H_tt=_both(sparse.diags_array(0.5 / middles) @ (U_p + U_m), sparse.diags_array(k / middles) @ V_m),
+        H_tt=_both(sparse.diags_array(0.5 / middles) @ (U_p + U_m), sparse.diags_array(k / (m - 1) / middles) @ V_m),
+        H_s=_both(none, sparse.diags_array(side / middles) @ V_m),
         H_tr=_both(none, sparse.diags_array(np.append(np.full(N - 1, 1.0 / h), 2.0 / h)) @ (V_p - V_m)),
         H_rt=_both(sparse.diags_array(-k / R[1:]) @ U_p, sparse.diags_array(-1.0 / R[1:]) @ around),
         U=_both(U_p, none),

@@ -1,4 +1,4 @@
-"""A figure of how a growing disk loses its round shape."""
+"""A figure of how a growing disk or ball loses its round shape."""
 
 from __future__ import annotations
 
@@ -54,6 +54,11 @@ def figure(growth: ModeGrowth, critical: Mapping[float, CriticalTime] | None = N
     return picture
 
 
+def letter(found: ModeGrowth | CriticalTime) -> str:
+    """What the numbers of the modes are called: wave numbers k of a disk, degrees l of a ball."""
+    return "k" if found.m == 2 else "l"
+
+
 def _colours(growth: ModeGrowth) -> dict[int, tuple[float, ...]]:
     from multiphase.plotting import colour_map
 
@@ -68,7 +73,7 @@ def _draw_growth(size: Axes, rate: Axes, growth: ModeGrowth, colours: Mapping[in
     late = growth.t > 0.1 * growth.t[-1]
     for i, k in enumerate(growth.wave_numbers.tolist()):
         drawn = late & (shape[:, i] > LEAST_SHARE * np.nanmax(shape[:, i]))
-        size.plot(growth.t[late], shape[late, i], color=colours[k], label=f"k = {k}")
+        size.plot(growth.t[late], shape[late, i], color=colours[k], label=f"{letter(growth)} = {k}")
         rate.plot(growth.t[drawn], rates[drawn, i], color=colours[k])
     size.set(yscale="log", xlabel="time t", ylabel="|U|/r at the surface, per seed")
     size.set_title("Departure from the round shape", loc="left")
@@ -93,7 +98,7 @@ def _draw_critical(axes: Axes, critical: Mapping[float, CriticalTime]) -> None:
         t, k = found.first
         if k:
             axes.plot(t, lam, "o", color="black", markersize=4)
-            axes.annotate(f"k = {k}", (t, lam), xytext=(6, -9), textcoords="offset points", fontsize=8)
+            axes.annotate(f"{letter(found)} = {k}", (t, lam), xytext=(6, -9), textcoords="offset points", fontsize=8)
         else:
             axes.plot(found.t_end, lam, ">", color="0.5", clip_on=False)
             axes.annotate("none", (found.t_end, lam), xytext=(-6, 4), textcoords="offset points", fontsize=8, ha="right")
@@ -108,6 +113,6 @@ def _draw_last(axes: Axes, growth: ModeGrowth) -> None:
     found = growth.stiffness
     axes.plot(found.wave_numbers, found.drained[-1], "o-", color="black", label="drained")
     axes.plot(found.wave_numbers, found.undrained[-1], "o--", color="black", linewidth=0.8, markersize=3, label="undrained")
-    axes.set(xlabel="wave number k", ylabel="stiffness / μ")
+    axes.set(xlabel="wave number k" if found.m == 2 else "degree l", ylabel="stiffness / μ")
     axes.set_title(f"Stiffness at t = {found.t[-1]:g}", loc="left")
     axes.legend(frameon=False)

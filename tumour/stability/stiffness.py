@@ -1,4 +1,4 @@
-"""How stiff a radial disk is against changes of shape cos(k theta), and when it no longer is."""
+"""How stiff a radial disk is against changes of shape cos(k theta), or a ball against spherical harmonics, and when it no longer is."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tumour.geometry import TumourGeometry
 from tumour.parameters import TumourInitial, TumourParameters
 from tumour.stability.linear import Moduli, moduli
 from tumour.stability.operators import Grid, Matrix, Pattern, grid
-from tumour.stability.state import RadialState, between, contact_slope, disk, radial_states
+from tumour.stability.state import RadialState, between, contact_slope, radial_states, round_body
 
 Array = NDArray[np.float64]
 
@@ -36,15 +36,19 @@ class Stiffness:
     ----------
     t : (nt,) array
     wave_numbers : (nk,) int array
+        Degrees, for a ball.
     drained, undrained : (nt, nk) array
-        The least of the second variation over the integral of the square of H, among changes of shape cos(k theta): when fluid has time to
-        flow and cells have none to grow, and when neither has.
+        The least of the second variation over the integral of the square of H, among changes of shape cos(k theta), or Y_l: when fluid has
+        time to flow and cells have none to grow, and when neither has.
+    m : int
+        2 for a disk, 3 for a ball.
     """
 
     t: Array
     wave_numbers: NDArray[np.int64]
     drained: Array
     undrained: Array
+    m: int = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,18 +58,22 @@ class CriticalTime:
     Attributes
     ----------
     wave_numbers : (nk,) int array
+        Degrees, for a ball.
     drained, undrained : (nk,) array
     t_end : float
+    m : int
+        2 for a disk, 3 for a ball.
     """
 
     wave_numbers: NDArray[np.int64]
     drained: Array
     undrained: Array
     t_end: float
+    m: int = 2
 
     @property
     def first(self) -> tuple[float, int]:
-        """The first drained zero, and its wave number; NaN and 0 where there is none."""
+        """The first drained zero, and its wave number or degree; NaN and 0 where there is none."""
         if np.all(np.isnan(self.drained)):
             return np.nan, 0
         at = int(np.nanargmin(self.drained))
@@ -73,7 +81,7 @@ class CriticalTime:
 
 
 class Shape:
-    """The second variation of a disk's energy against cos(k theta), drained or not, for any of its states on N cells.
+    """The second variation of a disk's energy against cos(k theta), or of a ball's against Y_k, drained or not, for any of its states.
 
     Parameters
     ----------
@@ -81,15 +89,17 @@ class Shape:
     radius : float
         At rest.
     cells, k : int
-        The wave number k is 1 or more; for k = 1 the centre is held, which takes out shifts of the whole body.
+        The wave number k (of a ball: the degree) is 1 or more; for 1 the centre is held, which takes out shifts of the whole body.
     drained : bool
+    m : int
+        2 for a disk, 3 for a ball.
     """
 
-    def __init__(self, parameters: TumourParameters, radius: float, cells: int, k: int, *, drained: bool = True) -> None:
+    def __init__(self, parameters: TumourParameters, radius: float, cells: int, k: int, *, drained: bool = True, m: int = 2) -> None:
         self.parameters, self.drained = parameters, drained
-        self._pattern, self._weights = _pattern(radius, cells, k)
+        self._pattern, self._weights = _pattern(radius, cells, k, m)
         one, zero = np.ones(cells), np.zeros(cells)
-        self._unit = self._pattern.band(self._weighted(Moduli(one, zero, one, one, zero)), held=0.0)
+        self._unit = self._pattern.band(self._weighted(Moduli(one, zero, (m - 1) * one, one, zero, one)), held=0.0)
 
     def _weighted(self, at: Moduli) -> dict[str, Array]:
         """The moduli, normal ones in cells and shear ones on faces, times the areas around those."""
@@ -103,12 +113,13 @@ class Shape:
         bulk: float | Array = 0.0
         if self.drained:
             bulk = lam + state.alpha / state.J * contact_slope(p, state)
-        at = moduli(state.l_r, state.l_t, state.g, mu, bulk)._replace(turn=face_turn(state, mu))
-        normal = 0.5 * (at.rr + at.tt) - np.hypot(0.5 * (at.rr - at.tt), at.rt)
+        at, ways = grid_moduli(state, mu, bulk), state.m - 1
+        normal = 0.5 * (at.rr + at.tt / ways) - np.hypot(0.5 * (at.rr - at.tt / ways), at.rt / np.sqrt(ways))
         least = min(float(np.min(normal)), float(np.min(mu - np.abs(at.turn))))
+        if state.m == 3:
+            least = min(least, float(np.min(at.side)))
         if not self.drained:
-            sealed = moduli(state.l_r, state.l_t, state.g, mu, SEALED * mu)
-            at = at._replace(rr=sealed.rr, rt=sealed.rt, tt=sealed.tt)
+            at = grid_moduli(state, mu, SEALED * mu)
         return self._pattern.band(self._weighted(at)), least
 
     def _exceeds(self, band: Array, level: float) -> bool:
@@ -132,10 +143,33 @@ class Shape:
         return 0.5 * (low + high) / mu
 
 
+def grid_moduli(state: RadialState, mu: float, bulk: float | Array) -> Moduli:
+    """The second variation per volume at rest, ``rr H_rr^2 + 2 rt H_rr H_tt + tt H_tt^2 + side H_s^2`` in cells and
+    ``shear (H_rt^2 + H_tr^2) + 2 turn H_rt H_tr`` on faces, with H as `operators.Grid` has it.
+
+    In a ball rr, rt and tt are those of `tumour.radial`, whose l_t in a cell is no linear function of the radii of its faces (see
+    `RadialState.hoop`): they differ by terms of order h^2 from what `moduli` gives.
+    """
+    m, l_r, l_t = state.m, state.l_r, state.l_t
+    at = moduli(l_r, l_t, state.g, mu, bulk, m)._replace(turn=face_turn(state, mu))
+    if m == 2:
+        return at
+    mean, slope = state.hoop
+    R, r, h = 0.5 * (state.R[1:] + state.R[:-1]), state.rho, state.R[1]
+    # P_t times the second change of l_t, which is bent (h r H_rr - h l_r R H_tt)^2
+    bent = 0.75 / (l_t**3 * (3.0 * R**2 + 0.25 * h**2) ** 2) * (m - 1) * (mu * (l_t - 1.0 / l_t) + state.g * l_r * l_t)
+    along, across = h * r, -h * l_r * R
+    return at._replace(
+        rr=at.rr + (m - 1) * slope * (2.0 * at.rt + slope * at.tt) + bent * along**2,
+        rt=(m - 1) * mean * (at.rt + slope * at.tt) + bent * along * across,
+        tt=(m - 1) * mean**2 * at.tt + bent * across**2,
+    )
+
+
 def face_turn(state: RadialState, mu: float) -> Array:
     """`Moduli.turn` on the faces 1 to N; on the surface ``mu l_r/l_t``, since P_rr is 0 there."""
     l_r, l_t = state.face_stretches
-    turn: Array = mu / (l_r * l_t) - 0.5 * (state.g + np.append(state.g[1:], state.g[-1]))
+    turn: Array = mu / (l_r * l_t) - 0.5 * (state.g + np.append(state.g[1:], state.g[-1])) * l_t ** (state.m - 2)
     turn[-1] = mu * l_r[-1] / l_t[-1]
     return turn
 
@@ -144,13 +178,14 @@ def elastic_terms(on: Grid) -> list[tuple[str, Matrix, Matrix]]:
     """The pairs of changes of shape that each of `Moduli` weighs."""
     rr, tt, rt, tr = on.H_rr, on.H_tt, on.H_rt, on.H_tr
     normal = [("rr", rr, rr), ("rt", rr, tt), ("rt", tt, rr), ("tt", tt, tt)]
-    return [*normal, ("shear", rt, rt), ("shear", tr, tr), ("turn", rt, tr), ("turn", tr, rt)]
+    shear = [("shear", rt, rt), ("shear", tr, tr), ("turn", rt, tr), ("turn", tr, rt)]
+    return [*normal, *shear] if on.m == 2 else [*normal, *shear, ("side", on.H_s, on.H_s)]
 
 
 @lru_cache(maxsize=32)
-def _pattern(radius: float, cells: int, k: int) -> tuple[Pattern, tuple[Array, Array]]:
+def _pattern(radius: float, cells: int, k: int, m: int) -> tuple[Pattern, tuple[Array, Array]]:
     """The banded pattern for unknowns U_0, V_0, U_1, V_1, ..., U_N, V_surface, and the areas of cells and faces."""
-    on = grid(radius, cells, k)
+    on = grid(radius, cells, k, m)
     order = np.concatenate([2 * np.arange(cells + 1), 2 * np.arange(cells + 1) + 1])
     return Pattern(elastic_terms(on), order, held=[0], symmetric=True), (on.cells, on.faces)
 
@@ -164,7 +199,7 @@ def stiffness(
     times: Sequence[float],
     cells: int = 100,
 ) -> Stiffness:
-    """Stiffness of a growing disk against changes of shape cos(k theta), at some times.
+    """Stiffness of a growing disk against changes of shape cos(k theta), or of a growing ball against Y_l, at some times.
 
     Parameters
     ----------
@@ -172,15 +207,15 @@ def stiffness(
         The paper's by default.
     initial : TumourInitial, optional
     geometry : str, mapping or TumourGeometry
-        "disk", or "quarter_disk", which admits even wave numbers only.
+        "disk", "quarter_disk", which admits even wave numbers only, or "sphere".
     wave_numbers : sequence of int, optional
-        1 or more; 2 to 8 by default.
+        k, or the degrees l of a sphere: 1 or more; 2 to 8 by default.
     times : sequence of float
         Increasing, 0 or more.
     cells : int
         Of the radial grid; errors fall as 1/cells^2.
     """
-    geometry, chosen = disk(geometry, wave_numbers, least=1)
+    geometry, chosen = round_body(geometry, wave_numbers, least=1)
     p = TumourParameters() if parameters is None else parameters
     wanted = np.asarray(times, dtype=float)
     if not (wanted.size and wanted[0] >= 0.0 and np.all(np.diff(wanted) > 0.0) and np.isfinite(wanted[-1])):
@@ -192,12 +227,12 @@ def stiffness(
 
 def of_states(parameters: TumourParameters, states: Sequence[RadialState], wave_numbers: Sequence[int]) -> Stiffness:
     """Stiffness of radial states against some changes of shape."""
-    radius, cells = float(states[0].R[-1]), len(states[0].J)
-    values = [
-        [[Shape(parameters, radius, cells, k, drained=drained).value(state) for k in wave_numbers] for state in states]
+    radius, cells, m = float(states[0].R[-1]), len(states[0].J), states[0].m
+    drained, undrained = (
+        np.array([[Shape(parameters, radius, cells, k, drained=drained, m=m).value(state) for k in wave_numbers] for state in states])
         for drained in (True, False)
-    ]
-    return Stiffness(np.array([state.t for state in states]), np.array(wave_numbers), *np.array(values))
+    )
+    return Stiffness(np.array([state.t for state in states]), np.array(wave_numbers), drained, undrained, m)
 
 
 def critical_time(
@@ -209,16 +244,17 @@ def critical_time(
     t_end: float,
     cells: int = 100,
 ) -> CriticalTime:
-    """When a growing disk is first no longer stiff against changes of shape cos(k theta); parameters as those of `stiffness`."""
-    geometry, chosen = disk(geometry, wave_numbers, least=1)
+    """When a growing disk is first no longer stiff against changes of shape cos(k theta), or a growing ball against Y_l; parameters as
+    those of `stiffness`."""
+    geometry, chosen = round_body(geometry, wave_numbers, least=1)
     p = TumourParameters() if parameters is None else parameters
     if not 0.0 < t_end < np.inf:
         raise ParameterError("t_end", "must be greater than 0.")
     times = np.linspace(0.0, t_end, max(2, int(np.ceil(t_end / SPACING)) + 1))
     states = radial_states(p, initial, geometry, times.tolist(), cells)
-    shapes = [[Shape(p, geometry.radius, cells, k, drained=drained) for k in chosen] for drained in (True, False)]
+    shapes = [[Shape(p, geometry.radius, cells, k, drained=drained, m=geometry.m) for k in chosen] for drained in (True, False)]
     drained, undrained = (np.array([first_zero(shape, states) for shape in row]) for row in shapes)
-    return CriticalTime(np.array(chosen), drained, undrained, t_end)
+    return CriticalTime(np.array(chosen), drained, undrained, t_end, geometry.m)
 
 
 def first_zero(shape: Shape, states: Sequence[RadialState]) -> float:

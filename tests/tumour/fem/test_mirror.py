@@ -16,6 +16,9 @@ from tumour.geometry import TumourGeometry
 
 DISK = {"kind": "disk", "dimension": "2d"}
 ENDS = {"where": "y > 0.8", "spring": 1.0, "traction_y": 0.1}, {"where": "y < -0.8", "spring": 1.0, "traction_y": -0.1}
+APART = tuple(
+    {"where": where, "displacement_y": {"times": [0, 1], "values": [0, by]}} for where, by in (("y > 0.8", 0.1), ("y < -0.8", -0.1))
+)
 GRIP = {"where": "x > 0.8", "displacement_x": {"times": [0, 1], "values": [0, 0.1]}, "displacement_y": 0.0}
 SIDES = {"where": "abs(y) > 0.6", "load": {"times": [0, 1, 1], "values": [0, 0.2, 0.1]}, "p": "closed", "C": 0.8, "membrane": 2.0}
 LEFT, RIGHT = {"where": "x < -0.5", "C": "closed", "influx": 0.3}, {"where": "x > 0.5", "C": "closed", "influx": 0.3}
@@ -32,6 +35,8 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any], Any]] = {  # axes, t
     "cells to one side": ("", {}, {}, "0.8 + 0.02*y + 0.01*x"),
     "pulled at both ends": ("y", {}, {"top": ENDS[0], "low": ENDS[1]}, 0.8),
     "pulled at one end": ("", {}, {"top": ENDS[0], "low": {**ENDS[1], "traction_y": 0.0, "traction_x": 0.1}}, 0.8),
+    "moved apart": ("y", {}, {"top": APART[0], "low": APART[1]}, 0.8),
+    "moved together": ("", {}, {"top": APART[0], "low": {**APART[0], "where": "y < -0.8"}}, "0.8 + 0.01*x"),
     "gripped, pressed, behind a membrane": ("y", {}, {"grip": GRIP, "sides": SIDES}, 0.8),
     "gripped off the line": ("", {}, {"grip": {**GRIP, "displacement_y": 0.05}, "sides": SIDES}, 0.8),
     "fed from two sides": ("y", {"stiffness": "1 + 0.1*x"}, {"left": LEFT, "right": RIGHT}, 0.8),
