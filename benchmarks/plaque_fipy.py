@@ -20,8 +20,8 @@ from threadpoolctl import threadpool_limits
 
 import multiphase.fipy_newton as scheme_module
 from benchmarks.machine import heading
-from benchmarks.plaque_lines import INITIAL, problem
-from benchmarks.plaque_lines import solve as solve_by_lines
+from benchmarks.plaque_reference import INITIAL, problem
+from benchmarks.plaque_reference import solve as solve_by_lines
 from multiphase.stepping import Control, integrate, start
 from plaque1d.fipy_scheme import FipyScheme
 from plaque1d.parameters import PlaqueGeometry

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 import time
 from typing import Any
 
@@ -14,8 +13,8 @@ from plaque1d import layout
 from plaque1d.semidiscrete import KERNEL, SemiDiscrete
 
 
-def solve_with_ida(scheme: SemiDiscrete, end: float, rtol: float, repeats: int) -> tuple[Any, float]:
-    """n at the end, and the median wall time."""
+def solve_with_ida(scheme: SemiDiscrete, end: float, rtol: float) -> tuple[Any, float, float]:
+    """n and L at the end, and the wall time."""
     rates, tangent = KERNEL["rates"], KERNEL["tangent"]
     w, d, size = scheme.work, scheme.data(0.0), scheme.size
     start = scheme.initial()
@@ -65,16 +64,14 @@ def solve_with_ida(scheme: SemiDiscrete, end: float, rtol: float, repeats: int) 
     algebraic = [int(i) for i in np.flatnonzero(scheme.mass == 0.0)]
     scale = np.full(total, rtol)
     scale[2 : size : scheme.stride] = 1e3
-    seconds, n = [], None
-    for _ in range(repeats):
-        started = time.perf_counter()
-        solver = IDA(
-            residual, rtol=rtol, atol=scale, algebraic_idx=algebraic, linsolver="sparse", sparsity=pattern, jacfn=jacobian,
-            max_num_steps=100_000,
-        )  # fmt: skip
-        answer = solver.solve(np.array([0.0, end]), start[:total], slopes)
-        seconds.append(time.perf_counter() - started)
-        if not answer.success:
-            raise RuntimeError(answer.message)
-        n = answer.y[-1][scheme.n] / answer.y[-1][size]
-    return n, statistics.median(seconds)
+    started = time.perf_counter()
+    solver = IDA(
+        residual, rtol=rtol, atol=scale, algebraic_idx=algebraic, linsolver="sparse", sparsity=pattern, jacfn=jacobian,
+        max_num_steps=100_000,
+    )  # fmt: skip
+    answer = solver.solve(np.array([0.0, end]), start[:total], slopes)
+    seconds = time.perf_counter() - started
+    if not answer.success:
+        raise RuntimeError(answer.message)
+    L = float(answer.y[-1][size])
+    return answer.y[-1][scheme.n] / L, L, seconds

@@ -287,7 +287,7 @@ def _wrong_sums(result: Result, scene: Scene) -> list[str]:
 def radial(
     kind: str, title: str, parameters: Mapping[str, Any], *limits: Limit, end: float = 60.0, cells: int = 0, alpha: Any = 0.8,
     radius: float = 1.0, shapes: Sequence[str] = tuple(SHAPES), only: Mapping[str, Sequence[Limit]] | None = None,
-    disk_warns: tuple[str, ...] = (), loose: Mapping[tuple[str, str], float] | None = None, **stated: Any,
+    disk_warns: tuple[str, ...] = (), ball_warns: tuple[str, ...] = (), loose: Mapping[tuple[str, str], float] | None = None, **stated: Any,
 ) -> Iterator[Case]:  # fmt: skip
     """A body in several shapes and with both schemes.
 
@@ -295,8 +295,8 @@ def radial(
     ----------
     only : mapping
         Further limits by shape.
-    disk_warns : tuple of str
-        Further warnings of elastic disks, whose stability is watched.
+    disk_warns, ball_warns : tuple of str
+        Further warnings of elastic disks and balls, whose stability is watched.
     loose : mapping of (shape, scheme) to float
         Where the error in time may be so many times that of others.
     """
@@ -312,7 +312,7 @@ def radial(
             initial={"alpha": alpha},
             solver={"time_scheme": scheme, "cells": cells or (50 if kind == VISCOUS else 100)},
             limits=(*limits, *(only or {}).get(shape, ())),
-            warns=(*warns, *(disk_warns if shape == "disk" else ())),
+            warns=(*warns, *{"disk": disk_warns, "sphere": ball_warns}.get(shape, ())),
             accuracy=accuracy * SCHEMES[scheme] * (loose or {}).get((shape, scheme), 1.0),
             **{"most": 500 if kind == VISCOUS else 400} | stated,
         )
@@ -320,6 +320,7 @@ def radial(
 
 JUMPS, PART = ("the contact stress jumps by",), ("cells attract between alpha =",)
 SOFT, UNSTABLE = ("the stiffness of the disk against changes of shape",), ("the disk has lost its stability",)
+SOFT_BALL, UNSTABLE_BALL = ("the stiffness of the ball against spherical harmonics",), ("the ball has lost its stability",)
 FREE_FLUID = as_changed("as kappa = 0, to 2e-3", 2e-3, kappa=0.0)
 
 
@@ -360,7 +361,14 @@ CASES = (
     # kappa = 0 makes the positions algebraic; what projecting them removed once stayed in the error and stopped the integrator
     *elastic("free fluid", {"kappa": 0.0}, GROWS, disk_warns=SOFT),
     *elastic("weak drag", {"kappa": 1e-4}, GROWS, FREE_FLUID, disk_warns=SOFT),
-    *elastic("strong drag", {"kappa": 1e4}, GROWS, slower("slower than with kappa = 1", kappa=1.0), disk_warns=SOFT + UNSTABLE),
+    *elastic(
+        "strong drag",
+        {"kappa": 1e4},
+        GROWS,
+        slower("slower than with kappa = 1", kappa=1.0),
+        disk_warns=SOFT + UNSTABLE,
+        ball_warns=SOFT_BALL + UNSTABLE_BALL,
+    ),
     *elastic("weak drag, darcy", {"kappa": 1e-4, "mobility": "darcy"}, GROWS, FREE_FLUID, disk_warns=SOFT),
     *elastic(
         "strong drag, darcy",
@@ -368,6 +376,7 @@ CASES = (
         GROWS,
         slower("slower than as printed", mobility="printed"),
         disk_warns=SOFT + UNSTABLE,
+        ball_warns=SOFT_BALL + UNSTABLE_BALL,
     ),
     *elastic("nearly incompressible", {"lambda_alpha": 1e4}, GROWS, FULL, INCOMPRESSIBLE),
     *elastic("soft", {"mu_alpha": 1e-3, "lambda_alpha": 1.0}, GROWS),
@@ -376,11 +385,12 @@ CASES = (
         {"mu_alpha": 1e-3},
         GROWS,
         disk_warns=UNSTABLE,
+        ball_warns=UNSTABLE_BALL,
         loose={("slab", "radau"): 2.0, ("disk", "radau"): 2.0},
     ),
     *elastic("no uptake", {"Q": 0.0}, GROWS, FULL_OXYGEN),
     *elastic("uptake saturates", {"Q1_hat": 5.0}, GROWS),
-    *elastic("hungry", {"Q": 10.0}, GROWS, NECROTIC, disk_warns=UNSTABLE),
+    *elastic("hungry", {"Q": 10.0}, GROWS, NECROTIC, disk_warns=UNSTABLE, ball_warns=SOFT_BALL + UNSTABLE_BALL),
     *elastic("dense at first", {}, GROWS, alpha=0.95, disk_warns=SOFT),
     *elastic("tiny", {}, GROWS, radius=0.01),
     *elastic("huge", {}, GROWS, NECROTIC, HOLLOW, radius=50.0),
@@ -435,6 +445,7 @@ CASES = (
         must="fails",
         until=0.2,
         words=("no step from t =", "cells are swollen more than 1e9-fold", "raise lambda_alpha, or lower p_out"),
+        ball_warns=UNSTABLE_BALL,
     ),
     *elastic(
         "no equilibrium at once",
