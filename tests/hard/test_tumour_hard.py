@@ -59,7 +59,7 @@ def test_every_case_has_a_name_of_its_own_and_radial_ones_run_in_all_shapes_and_
         ({"limits": (hard.as_changed("cannot be", 1e-4, p_out=2.0, kappa=0.0, lambda_alpha=0.0),)}, "a run to compare with failed"),
         ({"limits": (number("R", "radius", 1.0, 0.1),)}, "not 1 to"),
     ],
-    ids=str,
+    ids=lambda value: value if isinstance(value, str) else ", ".join(value),
 )
 def test_the_judge_notices(changes: dict[str, Any], words: str) -> None:
     outcome = judge(replace(ELASTIC, **changes))
