@@ -60,25 +60,20 @@ def row(code: str, seconds: float, error: float, setting: str = "rtol 1e-03") ->
 
 
 def test_equal_error_takes_the_fastest_setting_that_is_accurate_enough() -> None:
-    rows = [
-        row("a", 1.0, 6e-4),
-        row("a", 3.0, 1e-4),
-        row("a", 2.0, 5e-4, "the one"),
-        row("b", 8.0, 1e-5),
-        row("c", 0.1, 1e-2),
-        row("d", 4.0, 2e-4),
-    ]
-    before = [{"target": "interfacial: 0.0005", "code": "b", "ratio": 5.0}]
+    """Not by luck: where a finer run of the code misses the error, none that is coarser counts."""
+    settings = (("rtol 1e-01", 0.5, 4e-4), ("rtol 1e-02", 1.0, 6e-4), ("rtol 1e-03", 2.0, 5e-4), ("rtol 1e-04", 3.0, 1e-4))
+    rows = [row("a", seconds, error, setting) for setting, seconds, error in settings]
+    rows += [row("b", 8.0, 1e-5, "260 steps"), row("b", 4.0, 2e-4, "130 steps"), row("c", 0.1, 1e-2, "dt 0.5"), row("d", 5.0, 3e-4, "dt 1")]
+    before = [{"target": "interfacial: 0.0005", "code": "b", "size": 50, "setting": "130 steps", "ratio": 2.5}]
+    before += [{"target": "interfacial: 0.0005", "code": "d", "size": 50, "setting": "dt 0.1", "ratio": 9.0}]  # another setting
     found = [each for each in equal({"plaque": rows}, before) if each["target"] == "interfacial: 0.0005"]
-    assert [(each["code"], each["setting"], each["ratio"]) for each in found] == [
-        ("a", "the one", 1.0),
-        ("d", "rtol 1e-03", 2.0),
-        ("b", "rtol 1e-03", 4.0),
-    ]
-    assert found[0]["change"] is None
-    assert found[2]["change"] == pytest.approx(-0.2)
-    assert equal({"plaque": rows}, found, "ratio_before")[2]["change"] == pytest.approx(-0.2)  # a part measured again
-    assert work.front(rows) == [True, True, True, True, True, False]  # a is faster than d, and more accurate
+    expected = [("a", "rtol 1e-03", 1.0), ("b", "130 steps", 2.0), ("d", "dt 1", 2.5)]
+    assert [(each["code"], each["setting"], each["ratio"]) for each in found] == expected
+    assert found[0]["change"] is found[2]["change"] is None
+    assert found[1]["change"] == pytest.approx(-0.2)
+    assert equal({"plaque": rows}, found, "ratio_before")[1]["change"] == pytest.approx(-0.2)  # a part measured again
+    assert work.front(rows) == [True, False, False, True, True, False, True, False]
+    assert [work.fineness(text) for text in ("rtol 1e-03", "dt 0.5", "260 steps")] == [-1e-3, -0.5, 260.0]
 
 
 def test_the_observed_order_is_the_one_of_the_errors() -> None:

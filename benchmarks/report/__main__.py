@@ -39,13 +39,14 @@ def main(arguments: list[str] | None = None) -> int:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s  %(message)s", datefmt="%H:%M:%S", handlers=[shown])
     if options.mesh is not None and not options.mesh.is_file():
         parser.error(f"--mesh: there is no file {options.mesh}")
-    if options.check:
-        stale = pages.stale(ROOT, RESULTS)
-        print("\n".join(f"{page}: {name} is not what the files say; python -m benchmarks.report --pages writes it" for page, name in stale))
-        return 1 if stale else 0
-    if not options.pages:
+    if not (options.pages or options.check):
         measure(options.only or list(PARTS), options.mesh)
     try:
+        if options.check:
+            stale = pages.stale(ROOT, RESULTS)
+            told = [f"{page}: {name} is not what the files say; python -m benchmarks.report --pages writes it" for page, name in stale]
+            print("\n".join(told or ["All pages say what the files say."]))
+            return 1 if stale else 0
         pictures.write(RESULTS, ROOT / "docs" / "figures")
         for page in pages.write(ROOT, RESULTS):
             LOG.info("written: %s", page)
@@ -76,10 +77,10 @@ def write_ratios(about: list[str], seconds: float | None) -> None:
     and what it is compared with stay."""
     target = RESULTS / "equal.csv"
     said, before = read(target) if target.exists() else ([], [])
-    whole = said[1:] if seconds is None else [f"{time.strftime('%Y-%m-%d')}, the whole report in {seconds:.0f} s"]
+    whole = (said or about) if seconds is None else [*about, f"{time.strftime('%Y-%m-%d')}, the whole report in {seconds:.0f} s"]
     files = {name: read(path)[1] for name in ("plaque", "radial", "plane") if (path := RESULTS / f"{name}.csv").exists()}
     rows = equal(files, before, "ratio_before" if seconds is None else "ratio")
-    write(target, [*about, *whole], rows)
+    write(target, whole, rows)
     changes = [abs(row["change"]) for row in rows if row["change"] is not None]
     if changes:
         LOG.info("ratios at equal error change by %.0f %% at most against the report before", 100.0 * max(changes))

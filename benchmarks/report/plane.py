@@ -81,7 +81,7 @@ def solvers() -> list[str]:
 def measured(code: str, size: int, setting: str, **options: Any) -> Work:
     def run() -> tuple[Any, float]:
         result = simulate(t_end=TIMES[-1], save_at=TIMES, **options)
-        return result, float(result.stats["wall_s"])
+        return result, float(result.stats["setup_s"] + result.stats["wall_s"])
 
     result, seconds, runs = repeated(run)
     by_time, stats = errors(result), result.stats

@@ -44,16 +44,20 @@ TARGETS = (
 
 
 def equal(files: Mapping[str, Sequence[Row]], before: Sequence[Row] = (), column: str = "ratio") -> list[Row]:
-    """Rows of equal.csv; the ratio is the time over that of the fastest code. It is compared with a column of the rows before."""
-    earlier = {(row["target"], row["code"]): row[column] for row in before}
+    """Rows of equal.csv; the ratio is the time over that of the fastest code. It is compared with a column of the rows before,
+    where the same setting was the fastest."""
+    earlier = {_key(row): row[column] for row in before}
     rows: list[Row] = []
     for target in TARGETS:
         found = cheapest(files.get(target.file, ()), target.problem, target.bound, target.key)
         for row in found:
             ratio = row["seconds"] / found[0]["seconds"]
-            old = earlier.get((target.name, row["code"]))
-            rows.append({
-                "target": target.name, "code": row["code"], "size": row["size"], "setting": row["setting"], "error": row[target.key],
-                "seconds": row["seconds"], "ratio": ratio, "ratio_before": old, "change": None if old is None else ratio / old - 1.0,
-            })  # fmt: skip
+            new = {"target": target.name, "code": row["code"], "size": row["size"], "setting": row["setting"], "error": row[target.key]}
+            old = earlier.get(_key(new))
+            change = None if old is None else ratio / old - 1.0
+            rows.append(new | {"seconds": row["seconds"], "ratio": ratio, "ratio_before": old, "change": change})
     return rows
+
+
+def _key(row: Row) -> tuple[object, ...]:
+    return row["target"], row["code"], row["size"], row["setting"]

@@ -28,6 +28,10 @@ class Files:
         self.rows(name)
         return self._read[name][0]
 
+    def names(self) -> list[str]:
+        """The measured files."""
+        return sorted(path.stem for path in self.folder.glob("*.csv") if path.stem != "paper")
+
     def text(self, name: str) -> str:
         return (self.folder / f"{name}.txt").read_text(encoding="utf-8").rstrip()
 
@@ -80,15 +84,25 @@ def orders(rows: Sequence[Row], key: str) -> str:
     return ", ".join(f"{value:.2f}" for value in found)
 
 
-def equal_rows(files: Files, problem: str) -> str:
-    """The fastest setting of each code with an error below each target of a problem."""
-    lines = []
-    for row in files.rows("equal"):
-        if row["target"].startswith(problem):
-            target = row["target"].rpartition(": ")[2]
-            at = row["target"].removeprefix(problem).rpartition(": ")[0]
+def equal_rows(files: Files, file: str, problem: str) -> str:
+    """The fastest setting of each code with an error below each target of a problem; and, below, the codes that do not get there."""
+    lines, missing = [], []
+    rows = [row for row in files.rows(file) if row["problem"] == problem]
+    for name in dict.fromkeys(row["target"] for row in files.rows("equal") if row["target"].startswith(problem)):
+        target, at = name.rpartition(": ")[2], name.removeprefix(problem).rpartition(": ")[0]
+        key = f"error_{at.rpartition(' ')[2]}" if at else "error"
+        there = [row for row in files.rows("equal") if row["target"] == name]
+        for row in there:
             lines.append([
                 f"{short(float(target))}{at}", row["code"], str(row["size"]), row["setting"], short(row["error"]), seconds(row["seconds"]),
                 times(row["ratio"]),
             ])  # fmt: skip
-    return table(["error below", "code", "cells or rings", "setting", "its error", "time", "times the fastest"], lines)
+        absent = []
+        for code in dict.fromkeys(row["code"] for row in rows):
+            if code not in {row["code"] for row in there}:
+                best = min((row for row in rows if row["code"] == code), key=lambda row: float(row[key]))
+                absent.append(f"{code} ({short(best[key])} at best, in {seconds(best['seconds'])})")
+        if absent:
+            missing.append(f"Not below {short(float(target))}{at} with the settings tried, or by luck alone: {'; '.join(absent)}.")
+    listed = table(["error below", "code", "cells or rings", "setting", "its error", "time", "times the fastest"], lines)
+    return "\n\n".join([listed, *missing])

@@ -59,14 +59,26 @@ def kept(rows: list[Work], work: Work) -> None:
 
 
 def cheapest(rows: Iterable[Row], problem: str, target: float, key: str = "error") -> list[Row]:
-    """Of each code the fastest run of a problem with an error of at most `target`, the fastest code first."""
+    """Of each code the fastest run of a problem with an error of at most `target`, the fastest code first. A run counts only if no run of
+    the code with as many cells or more and as fine a setting or finer has a larger error: others are luck."""
+    mine = [row for row in rows if row["problem"] == problem and row[key] is not None]
     found: dict[str, Row] = {}
-    for row in rows:
-        if row["problem"] == problem and row[key] is not None and row[key] <= target:
-            best = found.get(row["code"])
-            if best is None or row["seconds"] < best["seconds"]:
-                found[row["code"]] = row
+    for row in mine:
+        best = found.get(row["code"])
+        if (best is None or row["seconds"] < best["seconds"]) and all(other[key] <= target for other in mine if _refines(other, row)):
+            found[row["code"]] = row
     return sorted(found.values(), key=lambda row: float(row["seconds"]))
+
+
+def _refines(other: Row, row: Row) -> bool:
+    """Whether a run is the other one, or one of the same code that is at least as fine in space and in time."""
+    return other["code"] == row["code"] and other["size"] >= row["size"] and fineness(other["setting"]) >= fineness(row["setting"])
+
+
+def fineness(setting: str) -> float:
+    """A number that grows as a setting gets finer: of "rtol 1e-03", "dt 0.5" or "260 steps"."""
+    first, second = setting.split()
+    return float(first) if second == "steps" else -float(second)
 
 
 def front(rows: Sequence[Row], key: str = "error") -> list[bool]:

@@ -44,8 +44,9 @@ Array = NDArray[np.float64]
 X, Y, ALPHA, P, OXYGEN = range(FIELDS)
 
 
-RATE_STEP = 1e-6
-"""Step over which the rate of the volume at t = 0 is taken where the fluid flows freely."""
+RATE_STEP = 10.0
+"""Step over which the rate of the volume at t = 0 is taken where the fluid flows freely, in roots of Newton's tolerance: what the iteration
+leaves, over the step, and the change of the rate within it are then alike."""
 
 
 LEAST_RAMP = 1.0 / 64.0
@@ -216,7 +217,8 @@ class MiniScheme:
         if self.parameters.kappa > 0.0:
             return float(np.sum(self._moments(self.point(u))[3][self.prescribed[:, P]]))
         try:
-            return float(self.rest(self.solve(RATE_STEP, 1.0 / RATE_STEP, u, u).u)[2][0])
+            step = RATE_STEP * float(np.sqrt(self.newton.tolerance))
+            return float(self.rest(self.solve(step, 1.0 / step, u, u).u)[2][0])
         except StepFailure:
             return np.nan
 

@@ -31,12 +31,13 @@ from scipy import sparse
 from scipy.linalg import solve_banded
 
 from multiphase.errors import ParameterError
+from multiphase.parameters import float_or_refuse
 from multiphase.stepping import formula
 from tumour import equations as eq
 from tumour.geometry import TumourGeometry
 from tumour.parameters import TumourInitial, TumourParameters
 from tumour.stability.operators import Matrix, Pattern, grid, unit
-from tumour.stability.state import RadialState, contact_slope, radial_states, round_body
+from tumour.stability.state import RadialState, contact_slope, given, radial_states, round_body
 from tumour.stability.stiffness import Shape, Stiffness, elastic_terms, grid_moduli, of_states
 
 Array = NDArray[np.float64]
@@ -90,10 +91,16 @@ class ModeGrowth:
 
     @property
     def rate(self) -> Array:
-        """Growth rate of U/r, from differences between the steps; NaN where U is 0."""
+        """Growth rate of U/r, from differences between the steps; NaN where U is 0, and where it changes its sign from one step to the
+        next, as it may where it grows faster than the steps."""
         shape = self.shape
+        turns = np.zeros(shape.shape, dtype=bool)
+        with np.errstate(invalid="ignore"):
+            across = shape[1:] * shape[:-1] < 0.0
+        turns[1:] |= across
+        turns[:-1] |= across
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(shape == 0.0, np.nan, np.gradient(shape, self.t, axis=0, edge_order=2) / shape)
+            return np.where(turns | (shape == 0.0), np.nan, np.gradient(shape, self.t, axis=0, edge_order=2) / shape)
 
     def at(self, t: float) -> Array:
         """U at the surface at a time, interpolated linearly between the steps: one for each wave number."""
@@ -144,10 +151,11 @@ def modes(
     SolverError
         Where the radial run cannot go on.
     """
-    geometry, chosen = round_body(geometry, wave_numbers, least=0)
-    p = TumourParameters() if parameters is None else parameters
-    if not 0.0 < dt < np.inf or not 0.0 < t_end < np.inf:
-        raise ParameterError("dt" if 0.0 < t_end < np.inf else "t_end", "must be greater than 0.")
+    geometry, chosen = round_body(geometry, wave_numbers, 0, cells)
+    p, initial = given(parameters, initial)
+    for name, value in (("t_end", t_end), ("dt", dt)):
+        if not 0.0 < float_or_refuse(value, name) < np.inf:
+            raise ParameterError(name, f"{value:g} must be greater than 0.")
     if seed is not None and not 0.0 <= seed < np.inf:
         raise ParameterError("seed", f"{seed:g} must be 0 or more, the power of R that the seed is.")
     times = ladder(t_end, dt)

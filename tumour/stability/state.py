@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,8 +26,12 @@ Array = NDArray[np.float64]
 RTOL = 1e-7
 """Accuracy in time of the radial states; it costs little against the modes."""
 
+logger = logging.getLogger("multiphase")
+
 ROUNDING = 1e-12
 
+CELLS_A_WAVE = 10
+"""Cells of the radius that a wave number takes, at least: a wave of number k is confined to a kth of the radius at the surface."""
 KINDS = ("disk", "quarter_disk", "sphere")
 """Kinds of bodies that are looked at."""
 
@@ -137,9 +143,10 @@ def between(parameters: TumourParameters, first: RadialState, second: RadialStat
 
 
 def round_body(
-    geometry: str | Mapping[str, Any] | TumourGeometry, wave_numbers: Sequence[int] | None, least: int
+    geometry: str | Mapping[str, Any] | TumourGeometry, wave_numbers: Sequence[int] | None, least: int, cells: int
 ) -> tuple[TumourGeometry, list[int]]:
     """The geometry, and the wave numbers (of a ball: degrees) that are asked for, from `least` on; by default those from 2 to 8 it admits.
+    Warns of those that are too narrow for so many cells.
 
     Raises
     ------
@@ -150,14 +157,33 @@ def round_body(
         geometry = TumourGeometry(kind=geometry)
     elif isinstance(geometry, Mapping):
         geometry = from_table(TumourGeometry, geometry, "geometry")
-    if geometry.eulerian or geometry.kind not in KINDS:
+    if not isinstance(geometry, TumourGeometry) or geometry.eulerian or geometry.kind not in KINDS:
         raise ParameterError("geometry", 'modes are those of a round elastic body; take kind = "disk", "quarter_disk" or "sphere".')
     step = 2 if geometry.kind == "quarter_disk" else 1
-    chosen = list(range(2, 9, step)) if wave_numbers is None else [int(k) for k in wave_numbers]
+    try:
+        chosen = list(range(2, 9, step)) if wave_numbers is None else [operator.index(k) for k in wave_numbers]
+    except TypeError:
+        chosen = []
     if not chosen or any(k < least or k % step for k in chosen):
-        which = "even ones, as it slides on both straight sides" if step == 2 else "whole numbers"
-        raise ParameterError("wave_numbers", f"{chosen} cannot be used: here a {geometry.kind} has {which} from {least * step} on.")
+        which = "even numbers, as it slides on both straight sides," if step == 2 else "whole numbers"
+        raise ParameterError(
+            "wave_numbers", f"{wave_numbers!r} cannot be used: give one or more; here a {geometry.kind} has {which} from {least * step} on."
+        )
+    if max(chosen) * CELLS_A_WAVE > cells:
+        logger.warning(
+            "wave number %d needs %d cells or more: with %d its stiffness is that of the grid, and far too small.",
+            max(chosen), CELLS_A_WAVE * max(chosen), cells,
+        )  # fmt: skip
     return geometry, chosen
+
+
+def given(parameters: Any, initial: Any) -> tuple[TumourParameters, TumourInitial | None]:
+    """Parameters and initial state as `simulate` takes them: tables are read, and without parameters they are the paper's."""
+    if isinstance(parameters, Mapping):
+        parameters = from_table(TumourParameters, parameters, "parameters")
+    if isinstance(initial, Mapping):
+        initial = from_table(TumourInitial, initial, "initial")
+    return TumourParameters() if parameters is None else parameters, initial
 
 
 def check_contact(parameters: TumourParameters) -> None:

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpbtrf
 
 from multiphase.errors import ParameterError
+from multiphase.parameters import float_or_refuse
 from tumour.geometry import TumourGeometry
 from tumour.parameters import TumourInitial, TumourParameters
 from tumour.stability.linear import Moduli, moduli
 from tumour.stability.operators import Grid, Matrix, Pattern, grid
-from tumour.stability.state import RadialState, between, contact_slope, radial_states, round_body
+from tumour.stability.state import RadialState, between, contact_slope, given, radial_states, round_body
 
 Array = NDArray[np.float64]
 
@@ -215,9 +216,12 @@ def stiffness(
     cells : int
         Of the radial grid; errors fall as 1/cells^2.
     """
-    geometry, chosen = round_body(geometry, wave_numbers, least=1)
-    p = TumourParameters() if parameters is None else parameters
-    wanted = np.asarray(times, dtype=float)
+    geometry, chosen = round_body(geometry, wave_numbers, 1, cells)
+    p, initial = given(parameters, initial)
+    try:
+        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+    except (TypeError, ValueError):
+        wanted = np.zeros(0)
     if not (wanted.size and wanted[0] >= 0.0 and np.all(np.diff(wanted) > 0.0) and np.isfinite(wanted[-1])):
         raise ParameterError("times", "must be one time or more, 0 or later and increasing.")
     from_rest = [0.0, *wanted[wanted > 0.0].tolist()]
@@ -246,9 +250,9 @@ def critical_time(
 ) -> CriticalTime:
     """When a growing disk is first no longer stiff against changes of shape cos(k theta), or a growing ball against Y_l; parameters as
     those of `stiffness`."""
-    geometry, chosen = round_body(geometry, wave_numbers, least=1)
-    p = TumourParameters() if parameters is None else parameters
-    if not 0.0 < t_end < np.inf:
+    geometry, chosen = round_body(geometry, wave_numbers, 1, cells)
+    p, initial = given(parameters, initial)
+    if not 0.0 < float_or_refuse(t_end, "t_end") < np.inf:
         raise ParameterError("t_end", "must be greater than 0.")
     times = np.linspace(0.0, t_end, max(2, int(np.ceil(t_end / SPACING)) + 1))
     states = radial_states(p, initial, geometry, times.tolist(), cells)

@@ -203,9 +203,11 @@ def test_a_fluid_that_flows_freely_is_the_limit_of_little_drag(make_mini: Any, r
     assert off[0] / off[1] == pytest.approx(10.0, rel=0.2)
 
 
-def test_the_first_growth_rate_of_a_fluid_that_flows_freely(make_mini: Any) -> None:
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-12])
+def test_the_first_growth_rate_of_a_fluid_that_flows_freely(make_mini: Any, tolerance: float) -> None:
     """kappa = 0, no uptake, lambda_alpha = 0: mu (J - 1) = alpha Sigma(alpha) J gives J' = 20 alpha' at alpha = alpha_star = 0.8, and with
-    alpha' + 0.8 J' = q the rate R'/R = J'/2 = 10 q/17. Over a step of 1e-6, with what Newton's method leaves of 1e-12: 1e-5."""
-    scheme = make_mini(newton_tol=1e-12, kappa=0.0, mobility="darcy", Q=0.0)
+    alpha' + 0.8 J' = q the rate R'/R = J'/2 = 10 q/17.
+    Over a step of ten roots of Newton's tolerance, of which it may leave one in a rate of 0.05: ten roots."""
+    scheme = make_mini(newton_tol=tolerance, kappa=0.0, mobility="darcy", Q=0.0)
     q = net_growth(0.8, 1.0, 10.0, 0.5, 0.5, 10.0)
-    assert scheme.observe(0.0, scheme.initial()).scalars["growth_rate"] == pytest.approx(10.0 * q / 17.0, rel=1e-5)
+    assert scheme.observe(0.0, scheme.initial()).scalars["growth_rate"] == pytest.approx(10.0 * q / 17.0, rel=10.0 * tolerance**0.5)
