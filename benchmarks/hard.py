@@ -7,16 +7,13 @@ The cases and what is stated of them stand in `tests/hard`. Ends with status 1 i
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from benchmarks.cases import of_tests
 from benchmarks.machine import heading
-
-FOLDER = Path(__file__).resolve().parent.parent / "tests" / "hard"
 
 KEY = """\
 `defect` is the largest of the balances, over all stored times, `error` the largest error in time in units of what is allowed, against
@@ -58,20 +55,13 @@ class Section:
     values: Callable[[Any], tuple[str, ...]]
 
 
-def load(name: str) -> Any:
-    """A module of the folder of the cases, which is no package."""
-    if str(FOLDER) not in sys.path:
-        sys.path.append(str(FOLDER))
-    return importlib.import_module(name)
-
-
 def sections() -> list[Section]:
     """All cases."""
-    tumour = load("tumour_cases")
+    tumour = of_tests("hard", "tumour_cases")
     kinds = {"tumour, elastic": tumour.ELASTIC, "tumour, viscous": tumour.VISCOUS, "tumour, two dimensions": tumour.PLANE}
     columns = ("size", "alpha from", "1 - alpha from", "C from")
     return [
-        Section("plaque", load("cases").CASES, PLAQUE_KEY, ("L", "n from", "1 - n from"), _of_plaque),
+        Section("plaque", of_tests("hard", "cases").CASES, PLAQUE_KEY, ("L", "n from", "1 - n from"), _of_plaque),
         *(
             Section(model, tuple(case for case in tumour.CASES if case.kind == kind), TUMOUR_KEY, columns, _of_tumour)
             for model, kind in kinds.items()
@@ -92,7 +82,7 @@ def _of_tumour(result: Any) -> tuple[str, ...]:
 
 def judged(section: Section) -> Iterator[tuple[Row, Any]]:
     """What the cases of a section did, one by one, with the judge's notes."""
-    judge = load("judging").judge
+    judge = of_tests("hard", "judging").judge
     for case in section.cases:
         outcome = judge(case)
         has_run = outcome.result is not None

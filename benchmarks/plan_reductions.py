@@ -10,17 +10,15 @@ after one that is not counted, without a file.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import logging
 import time
 from collections import Counter, defaultdict
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks.cases import of_tests
 from benchmarks.machine import heading
 from multiphase.run import run
 from multiphase.scene import Scene, parse_scene
@@ -47,17 +45,6 @@ TIMED = {
     "fixed fractions: no necrotic phase, 2000 cells, rtol = 1e-6": (
         PLAQUE + "[parameters]\nk_m = 0.0\n[initial]\nn = 0.0\n[solver]\ncells = 2000\nrtol = 1e-6\n", []),
 }  # fmt: skip
-
-
-def _load(name: str) -> ModuleType:
-    """Scenes of the tests."""
-    path = Path(__file__).resolve().parent.parent / "tests" / "multiphase" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def seconds(scene: Scene, runs: int = RUNS) -> tuple[float, Any]:
@@ -87,7 +74,7 @@ def times() -> None:
 
 
 def agreement(number: int) -> None:
-    scenes = _load("plan_scenes")
+    scenes = of_tests("multiphase", "plan_scenes")
     drawn: Counter[str] = Counter()
     found: Counter[str] = Counter()
     largest: dict[str, float] = defaultdict(float)
@@ -112,7 +99,7 @@ def agreement(number: int) -> None:
 
 def agreement_in_two_dimensions(number: int) -> None:
     """Disks along their radius against two dimensions."""
-    scenes = _load("radial_scenes")
+    scenes = of_tests("multiphase", "radial_scenes")
     drawn: Counter[str] = Counter()
     largest: dict[str, dict[str, Any]] = defaultdict(lambda: defaultdict(float))
     taken: dict[str, list[tuple[float, float]]] = defaultdict(list)

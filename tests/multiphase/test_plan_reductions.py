@@ -5,15 +5,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import logging
 from collections import Counter
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
+import plan_scenes as scenes
 import pytest
 
 from multiphase.cli import main
@@ -53,18 +52,6 @@ cells = 20
 [time]
 end = 2.0
 """
-
-
-def _load() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("plan_scenes", Path(__file__).with_name("plan_scenes.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-scenes = _load()
 
 
 def names(scene: Scene) -> list[str]:

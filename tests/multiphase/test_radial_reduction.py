@@ -6,16 +6,14 @@ And what should not pass does not: scenes that are not radial are left in two di
 
 from __future__ import annotations
 
-import importlib.util
 import logging
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+import radial_scenes as scenes
 
 from multiphase.errors import ParameterError
 from multiphase.parameters import replace
@@ -32,18 +30,6 @@ FIRST, COUNT = 184, 6
 mobility and all that a scene may have or not are among them, and no body stays at rest."""
 WRONG = {"formula": 0, "tissue": 111, "fibres": 80, "part": 41}
 """Spoiled scenes that are solved in two dimensions as well: cos(2 theta), softer tissue, stiff fibres, less oxygen on one side."""
-
-
-def _load() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("radial_scenes", Path(__file__).with_name("radial_scenes.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-scenes = _load()
 RADIAL = [number for number in range(FIRST, FIRST + 2 * COUNT) if not scenes.spoil_of(number)][:COUNT]
 
 
